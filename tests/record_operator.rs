@@ -5,24 +5,25 @@
 #[path = "record_session/dialogue.rs"]
 mod dialogue;
 #[allow(dead_code)]
+#[path = "record_session/guided.rs"]
+mod guided;
+#[allow(dead_code)]
 #[path = "record_session/person.rs"]
 mod person;
 mod program;
 
 use dialogue::Dialogue;
 use gaitway::body::anthropometry::{Measure, Subject};
-use gaitway::body::worn::check::t_pose;
 use gaitway::body::{Dof, Segment};
 use gaitway::recording::sensor_series;
 use gaitway::session::files::STATURE_KEY;
 use gaitway::session::manifest::Manifest;
 use gaitway::session::{DeviceCheck, SessionFile, TrialFile, Verdict};
+use guided::{calibrated, movement, passes, raises_an_arm, read, stand_and_type, stand_until};
 use person::{Act, Person};
-use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 
 /// Real time for one at a time.
 static REAL_TIME: Mutex<()> = Mutex::new(());
@@ -40,44 +41,6 @@ explain = "Reach up with the right hand, straight, and lower it."
 repetitions = 3
 "#;
 
-fn read<T: DeserializeOwned>(path: &Path) -> T {
-    let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-    toml::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}\n{text}", path.display()))
-}
-
-fn raises_an_arm() -> Act {
-    Act::Swing(vec![Dof::RightShoulderFlexion], 1.4, 2.0)
-}
-
-/// Something real takes so long.
-fn passes(seconds: f64) {
-    std::thread::sleep(Duration::from_secs_f64(seconds));
-}
-
-const ASKED: &str = "Enter when you stand so";
-
-/// N pose. Who stood still while the machine did not is asked once more.
-fn stand_until(operator: &mut Dialogue, next: &str) {
-    operator.expect(ASKED);
-    for _ in 0..4 {
-        operator.say("");
-        if operator.expect_one_of(&[next, ASKED]) == next {
-            return;
-        }
-    }
-    panic!("four times no N pose");
-}
-
-/// N pose first, then the movement once, and N pose again.
-fn movement(operator: &mut Dialogue, person: &Person, act: Act) {
-    person.stands();
-    passes(0.9);
-    person.does(act);
-    passes(2.35);
-    person.stands();
-    operator.expect("good");
-}
-
 /// Mistake after mistake, each told and asked again, or taken back.
 fn set_up(operator: &mut Dialogue) {
     operator.answer("name of the session", "");
@@ -86,10 +49,16 @@ fn set_up(operator: &mut Dialogue) {
     operator.answer("place", "back");
     operator.answer("operator", "Ada");
     operator.answer("place", "rom 2");
-    operator.answer("remarks", "");
+    // Who only wanted to see it again has not lost it.
+    operator.answer("remarks", "back");
+    operator.expect("now: rom 2");
+    operator.answer("place", "");
+    operator.answer("remarks", "a cold");
     // 2: a real name.
     operator.answer("id of the subject", "Anna B");
     operator.expect("! not an id");
+    operator.answer("id of the subject", "session");
+    operator.expect("! the session itself is called so");
     operator.answer("id of the subject", "s01");
     // 3: the age where the gender is asked, seen one question later.
     operator.answer("gender", "34");
@@ -118,7 +87,8 @@ fn set_up(operator: &mut Dialogue) {
     operator.answer("right leg length", "48 cm");
     operator.answer("the left one is 0.84 m. Is it right?", "n");
     operator.answer("right leg length", "84 cm");
-    operator.answer("left knee width", ".");
+    operator.answer("left knee width", "10 cm");
+    operator.answer("right knee width", ".");
     operator.answer("remarks: actions", "");
 }
 
@@ -137,20 +107,6 @@ fn devices(operator: &mut Dialogue, person: &Person) {
     operator.expect("written: calibration/device-02.toml");
 }
 
-fn calibrated(operator: &mut Dialogue, person: &Person) {
-    operator.answer("Are they on?", "");
-    stand_until(operator, "T pose: arms straight out");
-    person.does(Act::Pose(t_pose()));
-    operator.expect("then: bow");
-    movement(operator, person, Act::Bow(2.0));
-    operator.expect("then: march");
-    movement(operator, person, Act::Swing(vec![Dof::RightElbowFlexion], 1.5, 2.0));
-    operator.expect("then: raise");
-    movement(operator, person, raises_an_arm());
-    operator.expect("measured error in T pose");
-    operator.expect("written: calibration/body-s01-01.toml");
-}
-
 /// What was answered wrongly is changed later.
 fn edited(operator: &mut Dialogue) {
     operator.answer("Record reach-up-02?", "e");
@@ -162,16 +118,24 @@ fn edited(operator: &mut Dialogue) {
     operator.answer("operator", "");
     operator.expect("now: rom 2");
     operator.answer("place", "room 2");
-    operator.answer("remarks", "");
+    operator.expect("now: a cold");
+    operator.answer("remarks", "-");
     operator.answer("Record reach-up-02?", "e");
     operator.answer("what is to be changed?", "s01");
     operator.expect("now: f");
     operator.answer("gender", "");
     operator.answer("age", "");
     operator.expect("now: 1.6 m");
+    operator.answer("stature", "-");
+    operator.expect("! this measure is needed");
     operator.answer("stature", "1,70");
     operator.expect("now: 60.5 kg");
-    operator.answer("mass", ".");
+    for measure in ["mass", "left leg length", "right leg length"] {
+        operator.answer(measure, "");
+    }
+    operator.expect("now: 0.1 m");
+    operator.answer("left knee width", "-");
+    operator.answer("right knee width", ".");
     operator.answer("remarks: actions", "");
 }
 
@@ -181,21 +145,8 @@ fn first_trial(operator: &mut Dialogue, person: &Person) {
     operator.answer("Explain it and show it", "");
     operator.answer("Let it be practised", "");
     operator.answer("Record reach-up-01?", "");
-    operator.expect(ASKED);
-    let mut stood = false;
-    for _ in 0..4 {
-        operator.say("");
-        operator.expect("hold still");
-        // 12: impatient, all of it while N pose is looked at.
-        for early in ["x", "", "too early", "."] {
-            operator.say(early);
-        }
-        stood = operator.expect_one_of(&["RECORDING reach-up-01", ASKED]) != ASKED;
-        if stood {
-            break;
-        }
-    }
-    assert!(stood, "four times no N pose");
+    // 12: impatient, all of it while N pose is looked at.
+    stand_and_type(operator, &["x", "", "too early", "."], "RECORDING reach-up-01");
     person.does(raises_an_arm());
     passes(2.35);
     person.stands();

@@ -125,9 +125,13 @@ pub struct Typist {
 enum Escape {
     #[default]
     No,
-    Begun,
+    /// Since then: of a key that stands for no letter, or the key Esc.
+    Begun(Instant),
     Inside,
 }
+
+/// What a key sends comes at once; what is pressed after Esc does not.
+const AT_ONCE: Duration = Duration::from_millis(50);
 
 impl Typist {
     /// With keys that are a line each.
@@ -135,17 +139,25 @@ impl Typist {
         Self { at_once, ..Self::default() }
     }
 
-    /// What was typed and not ended yet.
+    /// What was typed and neither ended nor dropped yet.
     pub fn typed(&self) -> String {
-        String::from_utf8_lossy(&self.typed).into_owned()
+        match self.escape {
+            Escape::Begun(_) => String::new(),
+            _ => String::from_utf8_lossy(&self.typed).into_owned(),
+        }
     }
 
     /// Takes a key; the line that it ends, and when that was begun.
     pub fn press(&mut self, key: u8, now: Instant) -> Option<(Instant, String)> {
         match (self.escape, key) {
-            (Escape::Begun, b'[' | b'O') => {
+            (Escape::Begun(since), b'[' | b'O') if now <= since + AT_ONCE => {
                 self.escape = Escape::Inside;
                 return None;
+            }
+            (Escape::Begun(_), _) => {
+                self.escape = Escape::No;
+                self.typed.clear();
+                self.since = None;
             }
             (Escape::Inside, _) => {
                 if (0x40..=0x7e).contains(&key) {
@@ -153,7 +165,7 @@ impl Typist {
                 }
                 return None;
             }
-            _ => self.escape = Escape::No,
+            (Escape::No, _) => {}
         }
         let companion = self.companion.take();
         match key {
@@ -169,9 +181,7 @@ impl Typist {
                 None
             }
             0x1b => {
-                self.escape = Escape::Begun;
-                self.typed.clear();
-                self.since = None;
+                self.escape = Escape::Begun(now);
                 None
             }
             key if self.typed.is_empty() && self.at_once.contains(&key) => {
@@ -215,6 +225,10 @@ mod tests {
         assert_eq!(lines(b"", &[(0, "ab\u{1b}"), (0, "c\n")]), ["c"]);
         // An arrow and a key with a number are no words.
         assert_eq!(lines(b"", &[(0, "\u{1b}[A\u{1b}OP\u{1b}[15~\n")]), [""]);
+        assert_eq!(lines(b"", &[(0, "a typo\u{1b}[D"), (300, "\n")]), ["a typo"]);
+        // After Esc such letters are letters.
+        assert_eq!(lines(b"", &[(0, "ab\u{1b}"), (300, "One fell\n")]), ["One fell"]);
+        assert_eq!(lines(b"", &[(0, "ab\u{1b}"), (300, "\n")]), [""]);
         assert_eq!(lines(b"", &[(0, "\u{4}\u{1}"), (0, "no end")]), [""; 0]);
     }
 

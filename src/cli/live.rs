@@ -143,7 +143,7 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
             let operator = Operator::listen(signals.clone(), remarks);
             let viewing = Viewing::new(&operator, view.as_ref());
             let report = live(&order, &viewing, &operator);
-            viewing.ended(&report.run);
+            viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
             report
         }
         Err(error) => {

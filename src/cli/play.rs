@@ -98,7 +98,7 @@ pub fn run(args: &PlayArgs, remarks: Remarks) -> Result<i32, Error> {
             let terminal = Terminal::new(remarks, &signals);
             let viewing = Viewing::new(&terminal, view.as_ref());
             let played = play::play(&order, &viewing);
-            viewing.ended(&played.report);
+            viewing.ended(played.report.outcome, played.report.stop_reason.as_deref());
             played
         }
         Err(error) => {

@@ -104,6 +104,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     drop(marks);
     terminal.clear();
     let outcome = if report.is_whole() { Outcome::Done } else { Outcome::DoneWithLoss };
+    viewing.ended(outcome, report.poisoned.as_deref());
     let text = text(&report, &order.file);
     let paged = args.html.as_ref().filter(|_| report.file.is_some()).map_or(Ok(()), |page| {
         let html = file_page(&order.file, &CaptureOptions::default())?;

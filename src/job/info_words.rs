@@ -193,7 +193,9 @@ fn of_markers(file: &MarkerOverview) -> String {
         Some([right, up]) => writeln!(text, "screen    {right} to the right, {up} up"),
         None => writeln!(text, "screen    axes not said"),
     };
-    let kinds: Vec<String> = file.points.iter().map(|(kind, count)| counted(count, kind)).collect();
+    let named = |kind: &str| if kind == "modelled" { "modelled point" } else { kind }.to_owned();
+    let kinds = file.points.iter().map(|(kind, count)| counted(count, &named(kind)));
+    let kinds: Vec<String> = kinds.collect();
     let kinds = if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") };
     let _ = writeln!(text, "points    {kinds}");
     gaps(file, &mut text);

@@ -52,6 +52,9 @@ pub struct RecordingNow {
     pub mark: Option<(f64, String)>,
 }
 
+/// Of a mark so many letters are shown while it is recorded: the status is redrawn all the time.
+const MARK_SHOWN: usize = 40;
+
 impl RecordingNow {
     /// How it goes, for a person: its time and its last mark, then its sources, a line each.
     #[must_use]
@@ -61,7 +64,11 @@ impl RecordingNow {
             None => format!("{:.0} s; Ctrl-C ends it", self.time_s),
         };
         if let Some((at_s, words)) = &self.mark {
-            let _ = write!(text, "; last mark at {at_s:.1} s: {words}");
+            let mut shown: String = words.chars().take(MARK_SHOWN).collect();
+            if shown.len() < words.len() {
+                shown.push('\u{2026}');
+            }
+            let _ = write!(text, "; last mark at {at_s:.1} s: {shown}");
         }
         for source in &self.sources {
             let rate_hz = source.rate_hz;

@@ -5,7 +5,7 @@ use super::heard::{SensorNow, row};
 use super::observer::{
     Event, JointReading, Observer, OtherReading, Progress, RecordingNow, Snapshot,
 };
-use super::report::{Outcome, PlayReport, counted};
+use super::report::{Outcome, counted};
 use crate::body::{JointAngles, Proportions, SegmentPose};
 use crate::port::{Clock, MonotonicClock};
 use crate::sensing::SensingEvent;
@@ -219,14 +219,12 @@ impl<'a> Viewing<'a> {
         }
     }
 
-    /// Tells whoever still looks how it ended.
-    pub fn ended(&self, report: &PlayReport) {
+    /// Tells whoever still looks how it ended, and why.
+    pub fn ended(&self, outcome: Outcome, why: Option<&str>) {
         let Some(view) = self.view else { return };
-        let is_done = report.outcome == Outcome::Done;
-        let kind = if is_done { SpanKind::Event } else { SpanKind::Wrong };
-        let why = report.stop_reason.iter().map(|why| format!(": {why}"));
-        let words: String = [report.outcome.word().to_owned()].into_iter().chain(why).collect();
-        self.happened(view, kind, "end", &words);
+        let kind = if outcome == Outcome::Done { SpanKind::Event } else { SpanKind::Wrong };
+        let why = why.map_or_else(String::new, |why| format!(": {why}"));
+        self.happened(view, kind, "end", &format!("{}{why}", outcome.word()));
     }
 }
 

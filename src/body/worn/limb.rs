@@ -186,9 +186,11 @@ impl WornLimbs {
             for (segment, hearing) in own {
                 let at = segment.index();
                 let is_lost = hearing.is_lost();
+                // One that is there again and says nothing yet is lost as before, and not once more.
+                let was_lost = self.lost[at] && *hearing != Hearing::Speaks;
                 self.times[at] += u64::from(is_lost && !self.lost[at]);
-                self.lost_s[at] += if is_lost { dt_s } else { 0.0 };
-                self.lost[at] = is_lost;
+                self.lost[at] = is_lost || was_lost;
+                self.lost_s[at] += if self.lost[at] { dt_s } else { 0.0 };
                 all_speak &= *hearing == Hearing::Speaks;
                 missing = missing.or(Some(*segment).filter(|_| is_lost));
             }
@@ -375,6 +377,17 @@ mod tests {
         };
         assert!(off_rad(LeftForearm) < 1e-6);
         assert!(off_rad(Segment::RightForearm) > 1.9);
+    }
+
+    #[test]
+    fn a_sensor_that_is_back_and_says_nothing_yet_is_lost_as_before_and_not_once_more() {
+        let mut limbs = limbs();
+        for hearing in [Gone, Silent(0.3), Silent(1.5), Speaks, Silent(0.3), Speaks] {
+            limbs.judge(&[(LeftForearm, hearing)], false, false, 0.5);
+        }
+        assert_eq!(limbs.tally(LeftForearm), (1, 1.5));
+        limbs.judge(&[(LeftForearm, Silent(2.0))], false, false, 0.5);
+        assert_eq!(limbs.tally(LeftForearm), (2, 2.0));
     }
 
     #[test]

@@ -125,8 +125,10 @@ impl Words<'_> {
 pub enum MeasureAnswer {
     /// It is so much, in [`Measure::unit`].
     Is(f64),
-    /// It was not measured.
+    /// It was not measured, or is as it was answered before.
     NotMeasured,
+    /// It was answered before, and is not measured.
+    TakenAway,
     /// Neither it nor any after it that may be left out.
     NothingMore,
 }

@@ -16,6 +16,9 @@ use std::collections::BTreeMap;
 /// What the session itself is called where it is asked what is to be changed.
 const SESSION: &str = "session";
 
+/// What takes away what was answered before.
+const NOTHING: &str = "-";
+
 /// What is known of a new session before anybody is asked.
 pub(super) struct Given {
     /// Sources as they are typed.
@@ -40,10 +43,15 @@ pub(super) fn session(job: &Job, given: Given) -> Result<(), Ended> {
     let mut answers = SessionWords { plan: given.plan, ..SessionWords::default() };
     let is_planned = answers.plan.is_some();
     let questions: Vec<Ask<'_, SessionWords>> = vec![
-        text(operator, Words::SessionName { usual }, |of: &mut SessionWords| &mut of.name),
-        text(operator, Words::Leader, |of: &mut SessionWords| &mut of.leader),
-        text(operator, Words::Place, |of: &mut SessionWords| &mut of.place),
-        text(operator, Words::Remarks, |of: &mut SessionWords| &mut of.remarks),
+        Box::new(|of| {
+            let usual = if of.name.is_empty() { usual.to_owned() } else { of.name.clone() };
+            let answer = operator.words(Words::SessionName { usual: &usual })?;
+            of.name = if answer.is_empty() { usual } else { answer };
+            Ok(Asked::Answered)
+        }),
+        words(operator, Words::Leader, false, |of: &mut SessionWords| &mut of.leader),
+        words(operator, Words::Place, false, |of: &mut SessionWords| &mut of.place),
+        words(operator, Words::Remarks, false, |of: &mut SessionWords| &mut of.remarks),
         Box::new(|of| {
             if is_planned {
                 return Ok(Asked::Left);
@@ -74,7 +82,7 @@ pub(super) fn session(job: &Job, given: Given) -> Result<(), Ended> {
     let plan = plan.ok_or_else(|| Error::new("there is no plan"))?;
     let session = SessionFile {
         schema: SCHEMA,
-        name: if name.is_empty() { usual.to_owned() } else { name },
+        name,
         begun,
         operator: leader,
         place,
@@ -97,6 +105,9 @@ fn subject_id(operator: &dyn Operator, who: Words<'_>, others: &[String]) -> Ans
         || operator.words(who),
         |id| {
             check_id(&id)?;
+            if id == SESSION {
+                return Err(Error::new("the session itself is called so").got(id));
+            }
             if others.contains(&id) {
                 return Err(Error::new("two subjects need two ids").got(id));
             }
@@ -137,9 +148,9 @@ pub(super) fn edit(job: &Job, subjects: &[String]) -> Result<(), Ended> {
     if what == SESSION {
         let mut session = job.session()?.clone();
         let questions: Vec<Ask<'_, SessionFile>> = vec![
-            changed(operator, Words::Leader, |of: &mut SessionFile| &mut of.operator),
-            changed(operator, Words::Place, |of: &mut SessionFile| &mut of.place),
-            changed(operator, Words::Remarks, |of: &mut SessionFile| &mut of.remarks),
+            words(operator, Words::Leader, true, |of: &mut SessionFile| &mut of.operator),
+            words(operator, Words::Place, true, |of: &mut SessionFile| &mut of.place),
+            words(operator, Words::Remarks, true, |of: &mut SessionFile| &mut of.remarks),
         ];
         ask_all(&mut session, &questions)?;
         job.folder.replace("session.toml", &session)?;
@@ -163,30 +174,23 @@ struct SessionWords {
     subjects: Vec<String>,
 }
 
-/// Words that are kept as they are answered.
-fn text<'a, S: 'a>(
+/// Words. Those that were answered before are told; an empty answer leaves them as they are, and a dash takes them away.
+fn words<'a, S: 'a>(
     operator: &'a dyn Operator,
     what: Words<'a>,
-    place: impl Fn(&mut S) -> &mut String + 'a,
-) -> Ask<'a, S> {
-    Box::new(move |of| {
-        *place(of) = operator.words(what)?;
-        Ok(Asked::Answered)
-    })
-}
-
-/// Words that stay as they are if the answer is empty.
-fn changed<'a, S: 'a>(
-    operator: &'a dyn Operator,
-    what: Words<'a>,
+    is_edited: bool,
     place: impl Fn(&mut S) -> &mut String + 'a,
 ) -> Ask<'a, S> {
     Box::new(move |of| {
         let said = place(of);
-        operator.hear(Happening::AsItIs { words: said });
-        let answer = operator.words(what)?;
-        if !answer.is_empty() {
-            *said = answer;
+        let is_told = is_edited || !said.is_empty();
+        if is_told {
+            operator.hear(Happening::AsItIs { words: said });
+        }
+        match operator.words(what)?.as_str() {
+            "" => {}
+            NOTHING if is_told => said.clear(),
+            answer => answer.clone_into(said),
         }
         Ok(Asked::Answered)
     })
@@ -199,14 +203,11 @@ struct Person {
     enough: Option<Measure>,
 }
 
-/// Asks for all that is known of a subject. Of one who is `known`, an empty answer leaves it as it is.
+/// Asks for all that is known of a subject; of one who is `known`, each with how it is.
 fn measured(operator: &dyn Operator, subject: Subject, known: bool) -> Answered<Subject> {
     let mut person = Person { subject, enough: None };
-    let words = |what, place: fn(&mut Person) -> &mut String| match known {
-        true => changed(operator, what, place),
-        false => text(operator, what, place),
-    };
-    let mut questions = vec![words(Words::Gender, |of| &mut of.subject.gender)];
+    let gender: fn(&mut Person) -> &mut String = |of| &mut of.subject.gender;
+    let mut questions = vec![words(operator, Words::Gender, known, gender)];
     for measure in Measure::ALL {
         questions.push(Box::new(move |of: &mut Person| {
             if of.enough.is_some_and(|last| last < measure) && !measure.is_required() {
@@ -220,14 +221,15 @@ fn measured(operator: &dyn Operator, subject: Subject, known: bool) -> Answered<
             Ok(Asked::Answered)
         }));
     }
-    questions.push(words(Words::SubjectRemarks, |of| &mut of.subject.remarks));
+    let remarks: fn(&mut Person) -> &mut String = |of| &mut of.subject.remarks;
+    questions.push(words(operator, Words::SubjectRemarks, known, remarks));
     ask_all(&mut person, &questions)?;
     drop(questions);
     Ok(person.subject)
 }
 
 /// Asks for one measure until it is plausible, or the operator says that it is right; true if
-/// nothing more is measured.
+/// nothing more is measured. One that was answered before is told; an empty answer leaves it as it is.
 fn measure(
     operator: &dyn Operator,
     subject: &mut Subject,
@@ -235,16 +237,21 @@ fn measure(
     known: bool,
 ) -> Answered<bool> {
     let before = subject.measure(measure);
-    if known {
+    if known || before.is_some() {
         let words = before.map_or_else(String::new, |value| measure.said(value));
         operator.hear(Happening::AsItIs { words: &words });
     }
-    let is_needed = measure.is_required() && !(known && before.is_some());
+    let is_needed = measure.is_required() && before.is_none();
     loop {
         let value = match answer(operator, measure, is_needed)? {
             MeasureAnswer::Is(value) => value,
-            MeasureAnswer::NotMeasured if known => return Ok(false),
-            MeasureAnswer::NotMeasured => {
+            MeasureAnswer::NotMeasured => return Ok(false),
+            MeasureAnswer::TakenAway if measure.is_required() => {
+                let error = Error::new("this measure is needed").at(measure.words());
+                operator.hear(Happening::Refused(&error));
+                continue;
+            }
+            MeasureAnswer::TakenAway => {
                 subject.measures.remove(&measure);
                 return Ok(false);
             }

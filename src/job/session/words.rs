@@ -273,11 +273,11 @@ pub fn told(happening: &Happening<'_>) -> String {
             format!("\nSubject {subject}: measured in another session, and not asked again.")
         }
         Happening::Editing { what } => format!(
-            "\nWhat was answered of {what}. Enter alone: as it is; back: the question before."
+            "\nWhat was answered of {what}. Enter: as it is; back: the question before."
         ),
         Happening::AsItIs { words } => match words.is_empty() {
             true => "now: nothing".to_owned(),
-            false => format!("now: {words}"),
+            false => format!("now: {words} [Enter: as it is; -: nothing]"),
         },
         Happening::MeasuringStill { seconds } => format!("measuring for {seconds} s"),
         Happening::SensorChecked(check) => of_sensor(check),

@@ -184,7 +184,8 @@ class Plates {
   // From where to where the arrow of a plate goes; null while nobody presses.
   arrow(plate, t) {
     const i = this.clock.at(t), from = plate.at.map(axis => axis[i]), force = plate.force.map(axis => axis[i]);
-    if (!(Math.hypot(...force) >= LEAST_FORCE_N)) return null;
+    // A floor does not pull: what goes down is an amplifier at its end.
+    if (!(force[2] >= LEAST_FORCE_N)) return null;
     return from.some(Number.isNaN) ? null : [from, plus(from, force.map(part => part * ARROW_M_N))];
   }
 }

@@ -221,7 +221,6 @@ function happen(number, { time_s: time, lasts_s: lasts, kind, row, label }) {
     box.hidden = false; box.querySelector("summary").textContent = counted(list.children.length, "event");
     if (kind === "wrong") said.textContent = label;
   }
-  document.documentElement.dataset.happened = label;
   redrawAll();
 }
 

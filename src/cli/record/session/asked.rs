@@ -64,6 +64,7 @@ impl Operator for Console {
     fn measure(&self, measure: Measure) -> Answered<MeasureAnswer> {
         self.ask_until(&Asking::measure(measure), |answer| match answer {
             "" => Ok(Some(MeasureAnswer::NotMeasured)),
+            "-" => Ok(Some(MeasureAnswer::TakenAway)),
             "." => Ok(Some(MeasureAnswer::NothingMore)),
             BACK => Ok(None),
             answer => measure.read(answer).map(|value| Some(MeasureAnswer::Is(value))),
