@@ -5,6 +5,7 @@ use super::heard::{SensorNow, row};
 use super::observer::{
     Event, JointReading, Observer, OtherReading, Progress, RecordingNow, Snapshot,
 };
+use super::page::live::DRAWN_FOR_M;
 use super::report::{Outcome, counted};
 use crate::body::{JointAngles, Proportions, SegmentPose};
 use crate::port::{Clock, MonotonicClock};
@@ -50,8 +51,8 @@ struct Told {
 impl Told {
     /// What else of whoever wears sensors is known.
     fn posed(&mut self, pose: &SegmentPose, angles: &JointAngles, age_s: f64) {
-        // Of a body nobody measured: what is drawn is how it is turned.
-        if let Ok(body) = Proportions::of_stature(STATURE_M) {
+        // Nobody measured the body: what is drawn is how it is turned.
+        if let Ok(body) = Proportions::of_stature(DRAWN_FOR_M) {
             self.frame.persons_m = vec![points_m(&body, pose)];
         }
         self.frame.angles_rad = angles.0.iter().map(|rad| (rad * 1e4).round() / 1e4).collect();
@@ -106,9 +107,6 @@ impl Told {
         begun
     }
 }
-
-/// Of a body nobody measured, m.
-const STATURE_M: f64 = 1.75;
 
 impl<'a> Viewing<'a> {
     /// Both hear what happens, and either may wish for a stop.

@@ -11,8 +11,8 @@ use crate::view::session::person;
 use crate::view::tracks::{JointTrack, JointTracks, SampleClock};
 use crate::view::{ANGLE_RAD, ViewPage};
 
-/// The camera of a session is as far away as somebody of this stature needs, m.
-const DRAWN_FOR_M: f64 = 1.75;
+/// Somebody whom nobody measured is drawn as tall as this, and the camera is as far away as they need, m.
+pub(in crate::job) const DRAWN_FOR_M: f64 = 1.75;
 
 /// A page of a session, to which what is to be done comes, how sensors are heard, and what whoever wears them does.
 ///
