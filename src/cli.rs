@@ -17,7 +17,6 @@ mod keys;
 pub mod limp;
 pub mod live;
 pub mod manual;
-pub mod metrics;
 pub mod model;
 pub mod monitor;
 pub mod names;

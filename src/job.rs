@@ -19,6 +19,7 @@ pub mod doctor;
 pub mod draft_model;
 pub mod explain;
 pub mod explained;
+pub mod figures_words;
 pub mod finding;
 pub mod fit;
 pub mod follow;

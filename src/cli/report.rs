@@ -1,6 +1,6 @@
 //! How motions ended, as a person and a shell read it.
 
-use super::metrics;
+use crate::job::figures_words;
 use crate::job::report::{Exception, LINE_SHARE, PlayReport, Stop, StopCode, counted};
 use std::fmt::Write;
 
@@ -42,7 +42,7 @@ impl PlayReport {
         }
         self.write_joints(&mut out);
         if let Some(figures) = &self.metrics {
-            out.push_str(&metrics::lines(figures));
+            out.push_str(&figures_words::lines(figures));
         }
         for note in &self.notes {
             let _ = writeln!(out, "note      {note}");

@@ -1,6 +1,6 @@
 //! What a motion does to all of a robot, as a person reads it: the worst first.
 
-use crate::job::report::BodyFigures;
+use crate::retarget::BodyFigures;
 use std::fmt::Write;
 
 /// Aims that figures are measured by, to tell the worse from the better: what a robot of half a metre is hardly
