@@ -72,12 +72,14 @@ impl ViewPage {
             .map_err(|cause| Error::new("the page cannot be written").got(cause.to_string()))?
             // Inside a script element only `<` could end or open anything.
             .replace('<', "\\u003c");
+        let unseen = self.scene.robot.iter().flat_map(|robot| &robot.unseen);
+        let notes: Vec<String> = self.notes.iter().chain(unseen).cloned().collect();
         let parts = [
             ("title", escape(&self.title)),
             ("policy", policy.to_owned()),
             ("warnings", list("warnings", "Warnings", &self.warnings)),
             ("summary", self.summary()),
-            ("notes", list("notes", "Notes", &self.notes)),
+            ("notes", list("notes", "Notes", &notes)),
             ("style", include_str!("view/page/page.css").to_owned()),
             ("scene", scene),
             ("three", include_str!("view/three/three.min.js").to_owned()),

@@ -8,6 +8,7 @@ mod python;
 use aloud::aloud;
 use gaitway::rigid::{Capsule, Placement, TreeMotion, Volume};
 use gaitway::robot::body::RobotBody;
+use gaitway::robot::model::surface::Surface;
 use gaitway::robot::model::{self, PublicModel};
 use gaitway::robot::urdf_text::urdf;
 use glam::{DQuat, DVec3};
@@ -481,14 +482,14 @@ fn a_mesh_gets_the_capsule_or_box_that_holds_all_its_corners() {
     for (text, is_round) in [(rod, true), (plank, false)] {
         let volume = volume_of(&text);
         assert_eq!(matches!(volume, Volume::Capsule(_)), is_round, "{volume:?}");
-        for corner in model::mesh::corners(text.as_bytes()).expect("an OBJ mesh") {
+        for corner in Surface::read(text.as_bytes()).expect("an OBJ mesh").points_m {
             let point = corner * 2.0;
             let ball = Volume::Capsule(Capsule { from_m: point, to_m: point, radius_m: 0.0 });
             assert!(volume.distance_m(&ball) < 1e-9, "{point} is outside");
         }
     }
     for broken in [&b"solid"[..], b"", &[0; 84], &[255; 200], b"v 1 2\nv nan 0 0"] {
-        assert!(model::mesh::corners(broken).is_none(), "{broken:?}");
+        assert_eq!(Surface::read(broken), None, "{broken:?}");
     }
 }
 

@@ -410,6 +410,128 @@ fn links_that_touch_are_red_and_the_joint_that_is_chosen_is_orange() {
     assert!(orange.iter().all(|part| *part > 0.001), "{orange:?}");
 }
 
+/// A tetrahedron: three corners along the axes and the origin.
+const SPIKE: [[f64; 3]; 4] =
+    [[0.0, 0.0, 0.0], [60.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, 0.0, 240.0]];
+const SPIKE_FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+
+/// A package of ROS with an arm of two joints, whose meshes are millimetres and far larger than what the arm takes up.
+fn arm_package(folder: &Path) -> PathBuf {
+    let package = folder.join("arm_description");
+    for of in ["urdf", "meshes"] {
+        std::fs::create_dir_all(package.join(of)).unwrap();
+    }
+    let corner = |at: &usize| SPIKE[*at].map(|value| value.to_string()).join(" ");
+    let facet = |of: &[usize; 3]| {
+        let corners: String = of.iter().map(|at| format!("vertex {}\n", corner(at))).collect();
+        format!("facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n")
+    };
+    let stl: String = SPIKE_FACES.iter().map(facet).collect();
+    std::fs::write(package.join("meshes/upper.stl"), format!("solid s\n{stl}endsolid\n")).unwrap();
+    let points: String = (0..4).map(|at| format!("v {}\n", corner(&at))).collect();
+    let faces =
+        SPIKE_FACES.map(|of| format!("f {}\n", of.map(|at| (at + 1).to_string()).join(" ")));
+    std::fs::write(package.join("meshes/tool.obj"), points + &faces.concat()).unwrap();
+    let link = |name: &str, mesh: &str, origin: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><mass value=\"0.1\"/><inertia ixx=\"1e-4\" iyy=\"1e-4\" izz=\"1e-4\"/>\
+             </inertial><visual>{origin}<geometry><mesh filename=\"{mesh}\" scale=\"0.001 0.001 0.001\"/></geometry>\
+             </visual><collision><geometry><box size=\"0.01 0.01 0.01\"/></geometry></collision></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, origin: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{child}\"/>{origin}\
+             <axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" velocity=\"3\" effort=\"1\"/></joint>"
+        )
+    };
+    let turned = "<origin xyz=\"0 0 0.1\" rpy=\"0 0 1.5707963267948966\"/>";
+    let urdf = format!(
+        "<robot name=\"arm\"><link name=\"world\"/>{}{}{}{}{}{}</robot>",
+        link("upper", "package://arm_description/meshes/upper.stl", "<origin xyz=\"0.02 0 0\"/>"),
+        link("tool", "../meshes/tool.obj", ""),
+        link("end", "../meshes/gone.stl", ""),
+        joint("shoulder", "world", "upper", turned),
+        joint("elbow", "upper", "tool", "<origin xyz=\"0 0 0.2\"/>"),
+        joint("wrist", "tool", "end", "<origin xyz=\"0 0 0.2\"/>"),
+    );
+    let file = package.join("urdf/arm.urdf");
+    std::fs::write(&file, urdf).unwrap();
+    file
+}
+
+#[test]
+fn a_robot_looks_like_the_meshes_of_its_model_or_like_the_shapes_that_stand_for_them() {
+    let Some(mut browser) = browser("meshes") else { return };
+    let folder = program::folder("meshes-of-an-arm");
+    let model = arm_package(&folder);
+    let robots = folder.join("robots");
+    std::fs::create_dir_all(&robots).unwrap();
+    let (robot, page, table) =
+        (path(&robots, "arm.toml"), path(&folder, "arm.html"), path(&folder, "arm.csv"));
+    let order = ["robot", "import", model.to_str().unwrap(), "--servo", "sts3215", "-o", &robot];
+    let done = program::gaitway().args(order).output().expect("it runs");
+    let said = program::words(&done);
+    assert!(done.status.success() && said.contains("2 meshes"), "{said}");
+    assert!(said.contains("pages cannot show ../meshes/gone.stl"), "{said}");
+    // As they are seen from the robot's file, so that a folder with both can be moved.
+    let text = std::fs::read_to_string(&robot).unwrap();
+    assert!(text.contains("file = \"../arm_description/meshes/tool.obj\""), "{text}");
+    let turns = path(&folder, "turns.csv");
+    std::fs::write(&turns, "time_s,shoulder_rad,elbow_rad\n0,0,0\n1,0.3,0.3\n2,0,0\n").unwrap();
+    let order = ["retarget", &turns, "--robot", &robot, "-o", &table, "--html", &page];
+    run(&[&order[..], &["--retime"]].concat());
+
+    let links = &page::data(&std::fs::read_to_string(&page).unwrap())["robot"]["links"];
+    // Axes of links are the base's with all joints at zero: the shoulder is turned by a quarter about Z.
+    let expected: [(usize, [[f64; 3]; 4]); 2] = [
+        (1, SPIKE.map(|[x, y, z]| [-y / 1e3, x / 1e3 + 0.02, z / 1e3])),
+        (2, SPIKE.map(|[x, y, z]| [-y / 1e3, x / 1e3, z / 1e3])),
+    ];
+    for (link, expected) in expected {
+        let points = page::rows::<3>(&links[link]["mesh"]["points"]);
+        let triangles = page::rows::<3>(&links[link]["mesh"]["triangles"]);
+        let near = |of: &[f64; 3], point: &[f64; 3]| {
+            of.iter().zip(point).all(|(a, b)| (a - b).abs() < 1e-4)
+        };
+        let corners = triangles.iter().map(|of| of.map(|at| points[at as usize]));
+        let faces = SPIKE_FACES.map(|of| of.map(|at| expected[at]));
+        let mut found = 0;
+        for triangle in corners {
+            let is_same = |face: &[[f64; 3]; 3]| {
+                (0..3).any(|turn| (0..3).all(|at| near(&triangle[(at + turn) % 3], &face[at])))
+            };
+            found += faces.iter().filter(|face| is_same(face)).count();
+        }
+        assert_eq!((found, triangles.len()), (4, 4), "link {link}: {points:?}");
+    }
+    assert_eq!((&links[0]["mesh"], &links[3]["mesh"]), (&Value::Null, &Value::Null));
+
+    let mut orange = Vec::new();
+    for are_shown in [true, false] {
+        browser.look(1280, 900, false);
+        browser.open(Path::new(&page), "#t=0&joint=shoulder");
+        if !are_shown {
+            browser.value(
+                "[...document.querySelectorAll('#shown label')].find(of => \
+                 of.innerText.includes('its meshes')).click()",
+            );
+            browser.frames(3);
+        }
+        let area = scene_area(&mut browser);
+        orange.push(seen(&mut browser, area)["orange"].as_f64().unwrap());
+    }
+    // Its box is 10 mm wide, its spike 240 mm long.
+    assert!(orange[1] > 0.0 && orange[0] > 5.0 * orange[1], "{orange:?}");
+
+    std::fs::remove_file(folder.join("arm_description/meshes/tool.obj")).unwrap();
+    run(&[&order[..], &["--retime", "--force"]].concat());
+    let html = std::fs::read_to_string(&page).unwrap();
+    assert!(html.contains("1 mesh of the robot cannot be shown"), "it is said on the page");
+    let links = &page::data(&html)["robot"]["links"];
+    assert!(links[1]["mesh"].is_object() && links[2]["mesh"].is_null(), "the others are drawn");
+}
+
 #[test]
 fn a_page_fits_a_phone_and_is_dark_where_everything_is() {
     let Some(mut browser) = browser("phone") else { return };

@@ -5,6 +5,7 @@ mod aloud;
 mod browser;
 #[allow(dead_code)]
 mod chromium;
+mod page;
 mod priority;
 mod program;
 
@@ -13,7 +14,7 @@ use chromium::Browser;
 use gaitway::body::Dof;
 use gaitway::job::page::live::{self, Shows};
 use gaitway::view::live::{LiveCounts, LiveEvent, LiveFrame, LiveQuantity, LiveView, MOST_KEPT};
-use gaitway::view::session::SessionFrame;
+use gaitway::view::session::{PersonNow, SessionFrame};
 use gaitway::view::tracks::SpanKind;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -127,7 +128,14 @@ fn happenings(url: &str) -> impl Iterator<Item = (u64, serde_json::Value)> {
 
 fn happened(time_s: f64, label: &str) -> LiveEvent {
     let (row, label) = ("told".to_owned(), label.to_owned());
-    LiveEvent { time_s: Some(time_s), lasts_s: 0.0, kind: SpanKind::Wrong, row, label }
+    LiveEvent {
+        time_s: Some(time_s),
+        lasts_s: 0.0,
+        kind: SpanKind::Wrong,
+        row,
+        label,
+        links: Vec::new(),
+    }
 }
 
 fn frame(time_s: f64, rad: f64) -> LiveFrame {
@@ -238,7 +246,10 @@ fn in_a_browser_what_happens_stands_in_the_list_and_on_the_time_line_and_another
         &format!("{list} === '2.00 s: told: <b>no answer</b>|before: told: calibrated'"),
     );
     assert_eq!(browser.value("document.getElementById('line').hidden"), false);
-    assert_eq!(browser.value("document.getElementById('said').textContent"), "<b>no answer</b>");
+    assert_eq!(
+        browser.value("document.getElementById('said').textContent"),
+        "told: <b>no answer</b>"
+    );
     browser.value("document.getElementById('events').open = true");
     browser.value("document.querySelector('#events button').click()");
     until(&mut browser, "gaitway.figures().now === 2 && !gaitway.figures().playing");
@@ -481,6 +492,42 @@ fn a_robot_that_plays_is_seen_to_move_and_comes_to_rest_when_the_page_says_so() 
 }
 
 #[test]
+fn what_is_foreseen_of_a_motion_is_told_as_it_begins_and_is_what_its_page_has() {
+    let folder = program::folder("foreseen");
+    // From where the robot starts, the right arm down and its hand to the left, into the hip.
+    let cross: String = [(0.0, 0.0), (0.5, 0.0), (1.0, 0.5), (1.5, 1.0), (2.0, 1.0), (2.5, 1.0)]
+        .iter()
+        .map(|(t, part)| format!("{t},{},{}\n", -0.785 - 0.7 * part, 0.785 + 0.715 * part))
+        .collect();
+    let [arms, html] =
+        ["arms.csv", "arms.html"].map(|name| folder.join(name).display().to_string());
+    std::fs::write(&arms, format!("time_s,r_sho_roll_rad,r_el_rad\n{cross}")).unwrap();
+    let order = ["view", "play", &arms, "--robot", "op3", "--bus", "sim:pty", "--hang", "--retime"];
+    let (child, url) = serving(&[&order[..], &["--html", &html, "--json"]].concat());
+    let touches: Vec<serde_json::Value> = happenings(&url)
+        .map(|(_, what)| what)
+        .filter(|what| what["row"] == "touches itself")
+        .collect();
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(program::json(&output)["outcome"], "done");
+    let data = page::data(&std::fs::read_to_string(&html).expect("a page"));
+    let spans = data["spans"].as_array().expect("a list");
+    let of_page: Vec<&serde_json::Value> =
+        spans.iter().filter(|span| span["row"] == "touches itself").collect();
+    assert!(!of_page.is_empty() && of_page.len() == touches.len(), "{touches:?}, {of_page:?}");
+    for (told, drawn) in touches.iter().zip(of_page) {
+        for key in ["label", "links", "kind"] {
+            assert_eq!(told[key], drawn[key]);
+        }
+        let of = |what: &serde_json::Value, key: &str| what[key].as_f64().expect("a time");
+        let ends = [of(told, "time_s"), of(told, "time_s") + of(told, "lasts_s")];
+        let drawn = [of(drawn, "start_s"), of(drawn, "end_s")];
+        // The page has cycles as they were, what is foreseen as they will be.
+        assert!(ends.iter().zip(drawn).all(|(a, b)| (a - b).abs() < 0.05), "{ends:?}, {drawn:?}");
+    }
+}
+
+#[test]
 fn a_robot_that_is_led_by_hand_is_seen_while_it_is_recorded_and_the_page_ends_the_recording() {
     priority::run_before_others();
     let folder = program::folder("recorded");
@@ -518,8 +565,10 @@ fn two_subjects_of_a_session_are_drawn_beside_each_other() {
     browser.open_served(&view.url());
     let points = gaitway::body::Joint::ALL.len() + gaitway::body::End::ALL.len();
     let at = |x_m: f64| vec![[x_m, 0.25, 1.0]; points];
-    let told = |time_s: f64, persons_m: Vec<Vec<[f64; 3]>>| {
-        view.tell(&SessionFrame { time_s, persons_m, ..SessionFrame::default() });
+    let told = |time_s: f64, persons: Vec<Vec<[f64; 3]>>| {
+        let somebody = |places_m| PersonNow { places_m, sensors: Vec::new() };
+        let persons = persons.into_iter().map(somebody).collect();
+        view.tell(&SessionFrame { time_s, persons, ..SessionFrame::default() });
     };
     let places = "JSON.stringify(gaitway.persons(gaitway.figures().now).map(of => of[0] || null))";
     told(0.5, vec![at(0.5)]);
@@ -607,6 +656,17 @@ fn whoever_wears_sensors_is_drawn_as_they_move_with_their_angles_and_without_a_r
     );
     until(&mut browser, "document.querySelectorAll('#sensors tbody tr').length === 3");
     until(&mut browser, &format!("{nobody} === '' && gaitway.person(0).length > 20"));
+    // Axes of the sensors, each where it is worn and turned by something.
+    until(
+        &mut browser,
+        "gaitway.sensors(gaitway.figures().now).filter(of => of.worn).map(of => of.name).sort().join() \
+         === 'right_forearm,right_upper_arm,torso'",
+    );
+    let turned = browser.value(
+        "gaitway.sensors(gaitway.figures().now).filter(of => of.worn).map(of => Math.hypot(...of.worn.turn))",
+    );
+    let turned: Vec<f64> = serde_json::from_value(turned).expect("numbers");
+    assert!(turned.iter().all(|length| (length - 1.0).abs() < 1e-6), "{turned:?}");
     let names =
         browser.value("[...document.querySelectorAll('#choice button')].map(of => of.textContent)");
     let names: Vec<&str> =

@@ -26,7 +26,7 @@ fn several(one: &str) -> String {
     let is_vowel = |c: char| "aeiou".contains(c);
     match one.strip_suffix('y') {
         Some(before) if !before.ends_with(is_vowel) => format!("{before}ies"),
-        _ if one.ends_with(['s', 'x']) || one.ends_with("ch") => format!("{one}es"),
+        _ if ["s", "x", "ch", "sh"].iter().any(|end| one.ends_with(end)) => format!("{one}es"),
         _ => format!("{one}s"),
     }
 }
@@ -46,6 +46,7 @@ mod tests {
             ("address", "addresses"),
             ("box", "boxes"),
             ("branch", "branches"),
+            ("mesh", "meshes"),
             ("person", "people"),
         ] {
             assert_eq!(counted(0, one), format!("0 {two}"));

@@ -12,8 +12,8 @@ mod sensor;
 pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKind};
 pub use board::{Board, BoardImu};
 pub use body::{
-    BalanceJoint, BaseKind, Body, BodyBalance, BodyBox, BodyCapsule, BodyImu, BodyLink, BodyServos,
-    CoupledJoint, CoupledTo, WhenFallen,
+    BalanceJoint, BaseKind, Body, BodyBalance, BodyBox, BodyCapsule, BodyImu, BodyLink, BodyMesh,
+    BodyServos, CoupledJoint, CoupledTo, WhenFallen,
 };
 pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{

@@ -169,6 +169,16 @@ impl Wearing {
         self.mounts.map(|mount| mount.is_some())
     }
 
+    /// By [`Segment::index`]: how the sensors are turned in the world of a moment of this body; `None` of one that is not
+    /// worn, or said nothing then.
+    #[must_use]
+    pub fn sensors(&self, moment: &WornPose) -> [Option<DQuat>; 13] {
+        std::array::from_fn(|at| {
+            let mount = self.mounts[at].filter(|_| moment.fresh[at])?;
+            Some(moment.pose.orientation[at] * mount.sensor_from_segment.inverse())
+        })
+    }
+
     /// The body `dt_s` after the moment before. `said` is by [`Segment::index`]: the orientation of
     /// the segment's sensor in its own world, `None` if it said nothing valid.
     pub fn pose(&mut self, said: &[Option<DQuat>; 13], dt_s: f64) -> WornPose {

@@ -157,6 +157,7 @@ fn imported(args: &ImportArgs) -> Result<i32, Error> {
     args.output.check_apart(&args.model, &[file.as_path()])?;
     let found = import(&ImportOrder {
         model: args.model.clone(),
+        file: file.clone(),
         name: robot_name(file)?,
         robot: args.robot.clone(),
         zero: args.zero.clone(),
@@ -181,14 +182,15 @@ fn named_angle(text: &str) -> Result<(String, f64), String> {
 
 fn import_text(found: &Imported, file: &Path) -> String {
     let mut out = format!(
-        "{}: {} model, base {}, {:.3} kg in {}, {}, {}\n",
+        "{}: {} model, base {}, {:.3} kg in {}, {}, {}, {}\n",
         found.name,
         found.format,
         found.base,
         found.mass_kg,
         counted(found.links, "link"),
         counted(found.joints.len() + found.coupled.len(), "joint"),
-        counted(found.shapes, "shape")
+        counted(found.shapes, "shape"),
+        counted(found.meshes, "mesh")
     );
     for (what, names) in [
         ("stands on", &found.soles),

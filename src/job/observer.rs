@@ -5,6 +5,8 @@ use super::recognised::RecognitionEvent;
 use crate::body::{JointAngles, SegmentPose};
 use crate::device::{Health, JointState};
 use crate::sensing::SensingEvent;
+use crate::view::tracks::ViewSpan;
+use glam::DQuat;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -101,6 +103,9 @@ pub enum Event<'a> {
         /// How much slower the motion is than it was asked for; 1 = as asked.
         retime_factor: f64,
     },
+    /// What can be said of what was planned, by its own time; of what is played again and again, of the first round. Told to an
+    /// observer who [looks](Observer::looks).
+    Foreseen(&'a [ViewSpan]),
     /// The robot follows from now on, until it is told to stop or there is nothing more to follow.
     Following,
     /// The angles of a body, where no robot follows it.
@@ -122,6 +127,8 @@ pub enum Event<'a> {
     Posed {
         /// The pose.
         pose: &'a SegmentPose,
+        /// By segment, how its sensor is turned in the same world; `None`: it is not worn, or says nothing.
+        sensors: &'a [Option<DQuat>; 13],
         /// By degree of freedom, rad.
         angles: &'a JointAngles,
         /// When the oldest of its sensors was read, so long ago, s.

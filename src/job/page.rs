@@ -3,6 +3,7 @@
 pub(super) mod body;
 pub mod file;
 pub mod live;
+mod look;
 
 use super::recorder::Series;
 use super::report::PlayReport;
@@ -16,7 +17,7 @@ use crate::retarget::BodyFigures;
 use crate::retarget::base::BasePath;
 use crate::robot::{Robot, RobotBody};
 use crate::view::person::PersonTrack;
-use crate::view::robot::{RobotTrack, collisions, still};
+use crate::view::robot::{collisions, still};
 use crate::view::scene::ViewScene;
 use crate::view::series::Coded;
 use crate::view::tracks::{JointTrack, JointTracks, Quantity, SampleClock, SpanKind, ViewSpan};
@@ -57,20 +58,32 @@ impl RobotScene<'_> {
         let stands_still = body.as_ref().map(|body| still(body, &start_rad));
         let mut spans = self.parts(duration_s);
         spans.extend(self.missed());
-        spans.extend(self.slow());
-        spans.extend(self.doubts());
+        spans.extend(self.foreseen()?);
         let robot = body.as_ref().zip(self.base.or(stands_still.as_ref()));
-        if let Some((body, base)) = body.as_ref().zip(self.base) {
-            spans.extend(self.collisions(body, base, &start_rad));
-        }
         Ok(ViewScene {
             duration_s,
-            robot: robot.map(|(body, base)| RobotTrack::of(&self.robot.name, body, base)),
+            robot: robot.map(|(body, base)| look::drawn(self.robot, body, base)),
             joints: Some(self.joints()),
             person: self.person(duration_s)?,
             spans,
             ..ViewScene::default()
         })
+    }
+
+    /// What can be said of the motion before it is played: where it was too fast as it came in, where it would tip, and
+    /// where it touches itself.
+    ///
+    /// # Errors
+    /// A body no tree can be made of.
+    pub(super) fn foreseen(&self) -> Result<Vec<ViewSpan>, Error> {
+        let mut spans = self.slow();
+        spans.extend(self.doubts());
+        if let Some((body, base)) = drawable(self.robot)?.zip(self.base) {
+            let start_rad: Vec<f64> =
+                self.robot.joints.iter().map(|joint| joint.initial_rad).collect();
+            spans.extend(self.collisions(&body, base, &start_rad));
+        }
+        Ok(spans)
     }
 
     fn joints(&self) -> JointTracks {

@@ -289,8 +289,7 @@ pub(super) fn play_on(
     if options.balance {
         feel_first(&mut connection.link, &found)?;
     }
-    let Prepared { planned, base, metrics } =
-        prepare(connection, &found, motion, options, observer, report)?;
+    let prepared = prepare(connection, &found, motion, options, observer, report)?;
     if options.dry_run {
         report.outcome = Outcome::Done;
         return Ok(None);
@@ -298,7 +297,8 @@ pub(super) fn play_on(
     if stopped_before_torque(observer, report) {
         return Ok(None);
     }
-    let series = perform(connection, &found, &planned, settings, options, observer, report)?;
+    let series = perform(connection, &found, &prepared, settings, options, observer, report)?;
+    let Prepared { planned, base, metrics, .. } = prepared;
     if let Some(witness) = &witness {
         describe_weight(report, connection, witness);
     }
@@ -386,6 +386,8 @@ pub(super) struct Prepared {
     pub(super) planned: Plan,
     base: Option<BasePath>,
     metrics: BodyFigures,
+    /// What whoever looks on is told of it before it begins.
+    foreseen: Vec<ViewSpan>,
 }
 
 /// Lays a motion from where the robot stands, and looks at what it does to all of it.
@@ -401,14 +403,22 @@ pub(super) fn prepare(
     report: &mut PlayReport,
 ) -> Result<Prepared, Error> {
     let robot = &laid_for(connection.link.robot(), options)?;
-    let (planned, (base, metrics)) = {
+    let (planned, (base, metrics), foreseen) = {
         let (robot, start_rad) = (robot.clone(), found.start_rad.clone());
         let (motion, options) = (motion.clone(), options.clone());
+        let looks = observer.looks();
         unless_stopped(observer, move || {
             let (path, planned) = plan_from(&robot, &start_rad, &motion, &options)?;
             let asked = path.stretched(1.0 / options.speed);
             let looked = bodily::look(&robot, &motion, &asked, &planned, options.hangs)?;
-            Ok((planned, looked))
+            let (base, metrics) = (looked.0.as_ref(), &looked.1);
+            let (robot, motion, planned_) = (&robot, &motion, &planned);
+            let series = &Series::planned(planned_, robot.file.rate_hz);
+            let speed = options.speed;
+            let drawn =
+                RobotScene { robot, motion, planned: planned_, speed, base, metrics, series };
+            let foreseen = if looks { drawn.foreseen()? } else { Vec::new() };
+            Ok((planned, looked, foreseen))
         })?
     };
     describe_plan(report, connection.link.robot(), &planned, motion);
@@ -418,7 +428,7 @@ pub(super) fn prepare(
     }
     report.notes.extend(bodily::soft_note(&metrics));
     report.notes.extend(bodily::weak_note(&metrics));
-    Ok(Prepared { planned, base, metrics })
+    Ok(Prepared { planned, base, metrics, foreseen })
 }
 
 /// What is said of a fall that is predicted: of a virtual robot, which cannot fall, in a note.
@@ -582,12 +592,13 @@ pub fn describe_plan(report: &mut PlayReport, robot: &Robot, planned: &Plan, mot
 fn perform(
     connection: &mut Connection,
     found: &Preflight,
-    planned: &Plan,
+    prepared: &Prepared,
     settings: Settings,
     options: &Options,
     observer: &dyn Observer,
     report: &mut PlayReport,
 ) -> Result<Option<(Robot, Series)>, Error> {
+    let planned = &prepared.planned;
     let laid_for = laid_for(connection.link.robot(), options)?;
     let mut motion = Planned::new(&planned.trajectory, &laid_for)?;
     let mut duration_s = planned.trajectory.duration_s();
@@ -618,6 +629,7 @@ fn perform(
     )?;
     let (approach_s, retime_factor) = (report.approach_s, report.retime_factor);
     observer.hear(Event::Planned { duration_s, approach_s, retime_factor });
+    observer.hear(Event::Foreseen(&prepared.foreseen));
     let meter = Meter::of(connection.link.robot().joints.len());
     let performed = control::perform(
         &mut connection.link,

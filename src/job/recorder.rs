@@ -7,6 +7,7 @@ use crate::control::{Sample, Sink};
 use crate::device::JointState;
 use crate::error::Error;
 use crate::job::report::counted;
+use crate::motion::Plan;
 use crate::port::patient::PatientClock;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
@@ -44,6 +45,19 @@ pub struct Series {
 }
 
 impl Series {
+    /// The goals of a plan, as they will be told.
+    pub(super) fn planned(plan: &Plan, rate_hz: f64) -> Self {
+        let goal_rad = vec![Vec::new(); plan.trajectory.joints().len()];
+        let mut series = Self { goal_rad, ..Self::default() };
+        for (time_s, pose) in plan.rows(rate_hz) {
+            series.time_s.push(time_s);
+            for (goals, goal_rad) in series.goal_rad.iter_mut().zip(pose) {
+                goals.push(goal_rad);
+            }
+        }
+        series
+    }
+
     /// Series of so many joints, without a cycle.
     fn of(joints: usize) -> Self {
         let none = || vec![Vec::new(); joints];

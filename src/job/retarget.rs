@@ -116,7 +116,7 @@ impl Retargeted {
                 let place =
                     |time_s| base.as_ref().map_or(Placement::IDENTITY, |base| base.at(time_s).0);
                 let poses: Vec<(Placement, Vec<f64>)> =
-                    rows(&planned, rate_hz).map(|(time_s, pose)| (place(time_s), pose)).collect();
+                    planned.rows(rate_hz).map(|(time_s, pose)| (place(time_s), pose)).collect();
                 Some(mocap::bvh::write(&bvh::of_robot(&model, &poses, rate_hz)).into_bytes())
             }
             TrajectoryFile::Mcap => None,
@@ -131,7 +131,7 @@ impl Retargeted {
         report.profiles = OwnProfile::of(&robot);
         report.describe_motion(&loaded);
         let scene = order.html.as_ref().map(|_| {
-            let series = goals(&planned, rate_hz);
+            let series = Series::planned(&planned, rate_hz);
             let (robot, speed, base) = (&robot, order.speed, base.as_ref());
             let (motion, planned, metrics, series) = (&loaded, &planned, &metrics, &series);
             RobotScene { robot, motion, planned, speed, base, metrics, series }.view()
@@ -259,38 +259,12 @@ impl TrajectoryFile {
     }
 }
 
-/// Times in s and angles in rad, in the order of the trajectory's joints. The last row is the end
-/// itself, wherever it falls on the grid.
-fn rows(planned: &Plan, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
-    let trajectory = &planned.trajectory;
-    let last = (trajectory.duration_s() * rate_hz).ceil() as usize;
-    let mut setpoints = vec![Setpoint::default(); trajectory.joints().len()];
-    (0..=last).map(move |row| {
-        let time_s = (row as f64 / rate_hz).min(trajectory.duration_s());
-        trajectory.sample(time_s, &mut setpoints);
-        (time_s, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
-    })
-}
-
-/// The goals as a page shows them.
-fn goals(planned: &Plan, rate_hz: f64) -> Series {
-    let goal_rad = vec![Vec::new(); planned.trajectory.joints().len()];
-    let mut series = Series { goal_rad, ..Series::default() };
-    for (time_s, pose) in rows(planned, rate_hz) {
-        series.time_s.push(time_s);
-        for (goals, goal_rad) in series.goal_rad.iter_mut().zip(pose) {
-            goals.push(goal_rad);
-        }
-    }
-    series
-}
-
 fn csv(planned: &Plan, base: Option<&BasePath>, rate_hz: f64) -> Result<Vec<u8>, Error> {
     let mut out = TableWriter::new(Vec::new());
     let titles = planned.trajectory.joints().iter().map(|joint| format!("{joint}_rad"));
     let of_base = base.iter().flat_map(|_| BASE_TITLES.map(str::to_owned));
     out.row(std::iter::once("time_s".to_owned()).chain(titles).chain(of_base))?;
-    for (time_s, pose) in rows(planned, rate_hz) {
+    for (time_s, pose) in planned.rows(rate_hz) {
         let angles = pose.into_iter().map(|angle_rad| format!("{angle_rad:.9}"));
         let place = base.iter().flat_map(|base| base_cells(base, time_s));
         out.row(std::iter::once(format!("{time_s:.6}")).chain(angles).chain(place))?;
@@ -327,7 +301,7 @@ fn record(
     };
     let recorder = Recorder::create_whole(&order.file, order.replace, run)?;
     let mut end = start;
-    for (cycle, (time_s, pose)) in (0..).zip(rows(planned, rate_hz)) {
+    for (cycle, (time_s, pose)) in (0..).zip(planned.rows(rate_hz)) {
         end = start + Duration::from_secs_f64(time_s);
         let goal = |goal_rad: f64| JointRecord { goal_rad: Some(goal_rad), ..Default::default() };
         let joints = pose.into_iter().map(goal).collect();

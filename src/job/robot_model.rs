@@ -1,15 +1,20 @@
 //! A robot file, or its body, from a public model.
 
 use crate::error::{Error, ErrorKind};
-use crate::robot::model::{self, DraftServo, Provenance, PublicModel, Reduced};
+use crate::robot::model::surface::Surface;
+use crate::robot::model::{self, DraftServo, Look, Provenance, PublicModel, Reduced};
 use gaitway_profiles::{self as profiles, BaseKind};
 use serde::Serialize;
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
-/// Largest model and largest mesh that is read, bytes.
+/// Largest model that is read, bytes.
 const FILE_BYTES_MAX: u64 = 8 << 20;
+/// Largest mesh, bytes.
+pub(in crate::job) const MESH_BYTES_MAX: u64 = 64 << 20;
+/// A model's own files are this many folders above it at most: `../meshes`.
+const FOLDERS_ABOVE: usize = 2;
 /// Of a servo's speed without load: what a draft lets a joint have.
 const SPEED_SHARE: f64 = 0.5;
 
@@ -18,6 +23,8 @@ const SPEED_SHARE: f64 = 0.5;
 pub struct ImportOrder {
     /// The model, URDF or MJCF.
     pub model: PathBuf,
+    /// The file that is to be written: meshes are named as they are seen from there.
+    pub file: PathBuf,
     /// What the new robot is to be called.
     pub name: String,
     /// A robot whose file gets the body; `None`: a draft of a robot of its own.
@@ -57,6 +64,8 @@ pub struct Imported {
     pub without_limits: Vec<String>,
     /// Capsules and boxes.
     pub shapes: usize,
+    /// Files of meshes that pages show it by.
+    pub meshes: usize,
     /// Links that it stands on.
     pub soles: Vec<String>,
     /// What a person should know.
@@ -74,7 +83,7 @@ pub struct Imported {
 /// A file that cannot be read or is no model, one that does not fit the robot, a servo nobody knows.
 pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
     let in_file = |error: Error| error.in_file(&order.model);
-    let bytes = bytes_of(&order.model).map_err(|cause| {
+    let bytes = bytes_of(&order.model, FILE_BYTES_MAX).map_err(|cause| {
         Error::of(ErrorKind::from(&cause), "the model cannot be read")
             .at(order.model.display().to_string())
             .got(cause.to_string())
@@ -93,7 +102,8 @@ pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
         }
         None => found.on_its_own(),
     };
-    let reduced = reduced.map_err(in_file)?;
+    let mut reduced = reduced.map_err(in_file)?;
+    find_looks(&mut reduced, folder, &order.file);
     let text = match &order.robot {
         Some(robot) => {
             let body = found.body_text(&reduced, &words);
@@ -132,6 +142,7 @@ fn report(order: &ImportOrder, found: &PublicModel, reduced: &Reduced, text: Str
         held: reduced.held.clone(),
         without_limits: without.map(|joint| joint.name.clone()).collect(),
         shapes: reduced.links.iter().map(|link| link.volumes.len()).sum(),
+        meshes: reduced.links.iter().map(|link| link.looks.len()).sum(),
         soles: standing.map(|link| called(link.joint)).collect(),
         notes: reduced.notes.clone(),
         faults,
@@ -177,30 +188,100 @@ fn servo(order: &ImportOrder) -> Result<DraftServo, Error> {
     Ok(DraftServo { name: Some(name.clone()), fastest_rad_s, baud_bps })
 }
 
-fn bytes_of(path: &Path) -> std::io::Result<Vec<u8>> {
+/// The bytes of a file, if they are not more than that.
+///
+/// # Errors
+/// A file that cannot be read, is no regular one, or is larger.
+pub(in crate::job) fn bytes_of(path: &Path, most: u64) -> std::io::Result<Vec<u8>> {
     // Asked before opening: opening a FIFO would wait for a writer.
     if !std::fs::metadata(path)?.is_file() {
         return Err(std::io::Error::other("this is not a regular file"));
     }
     let mut bytes = Vec::new();
-    File::open(path)?.take(FILE_BYTES_MAX + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > FILE_BYTES_MAX {
-        return Err(std::io::Error::other(format!("more than {FILE_BYTES_MAX} bytes")));
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(std::io::Error::other(format!("more than {most} bytes")));
     }
     Ok(bytes)
 }
 
-/// A mesh beside the model. What a package of ROS has is looked for under the model's folder, and a
-/// path that leads out of it is not followed.
+/// The bytes of a mesh that a model in this folder names.
 fn mesh(folder: &Path, name: &str) -> Result<Vec<u8>, String> {
+    bytes_of(&mesh_path(folder, name)?, MESH_BYTES_MAX).map_err(|cause| cause.to_string())
+}
+
+/// Where a mesh is that a model in this folder names. What a package of ROS has lies in the folder of that name above
+/// the model, or else under the model's own; a path that leads further up is not followed.
+fn mesh_path(folder: &Path, name: &str) -> Result<PathBuf, String> {
     let name = name.strip_prefix("file://").unwrap_or(name);
-    let inside = name.strip_prefix("package://").and_then(|name| name.split_once('/'));
-    let path = Path::new(inside.map_or(name, |(_, inside)| inside));
-    let plain = |part: std::path::Component<'_>| {
-        matches!(part, std::path::Component::Normal(_) | std::path::Component::CurDir)
-    };
-    if !path.components().all(plain) {
-        return Err("outside the model's folder".to_owned());
+    let (package, inside) =
+        match name.strip_prefix("package://").and_then(|name| name.split_once('/')) {
+            Some((package, inside)) => (Some(package), Path::new(inside)),
+            None => (None, Path::new(name)),
+        };
+    let up = inside.components().take_while(|part| *part == Component::ParentDir).count();
+    let mut down = inside.components().skip(up);
+    let is_plain = down.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if up > FOLDERS_ABOVE || !is_plain {
+        return Err(format!("more than {FOLDERS_ABOVE} folders above the model"));
     }
-    bytes_of(&folder.join(path)).map_err(|cause| cause.to_string())
+    let whole = folder.canonicalize().map_err(|cause| cause.to_string())?;
+    let of_package = whole.ancestors().find(|above| {
+        above.file_name().zip(package).is_some_and(|(name, package)| name == package)
+    });
+    let found = of_package.map(|root| root.join(inside)).filter(|path| path.is_file());
+    Ok(found.unwrap_or_else(|| whole.join(inside)))
+}
+
+/// Names files of meshes as they are seen from the robot's file, and leaves aside those that cannot be read.
+fn find_looks(reduced: &mut Reduced, folder: &Path, file: &Path) {
+    let beside = match file.parent() {
+        Some(beside) if beside != Path::new("") => beside,
+        _ => Path::new("."),
+    };
+    let mut unread: Vec<String> = Vec::new();
+    for link in &mut reduced.links {
+        link.looks.retain_mut(|look| match seen_from(beside, folder, look) {
+            Ok(name) => {
+                look.file = name;
+                true
+            }
+            Err(cause) => {
+                unread.push(format!("{} ({cause})", look.file));
+                false
+            }
+        });
+    }
+    if let [first, rest @ ..] = unread.as_slice() {
+        let more = match rest.len() {
+            0 => String::new(),
+            more => format!(", and {more} more"),
+        };
+        reduced.notes.push(format!("pages cannot show {first}{more}: shapes stand for it"));
+    }
+}
+
+fn seen_from(beside: &Path, folder: &Path, look: &Look) -> Result<String, String> {
+    let path = mesh_path(folder, &look.file)?;
+    let bytes = bytes_of(&path, MESH_BYTES_MAX).map_err(|cause| cause.to_string())?;
+    let is_surface = Surface::read(&bytes).is_some_and(|surface| !surface.triangles.is_empty());
+    if !is_surface {
+        return Err("neither STL nor OBJ".to_owned());
+    }
+    let path = path.canonicalize().map_err(|cause| cause.to_string())?;
+    let seen = match beside.canonicalize() {
+        Ok(beside) => from(&beside, &path),
+        Err(_) => path,
+    };
+    seen.into_os_string().into_string().map_err(|_| "its path is not UTF-8".to_owned())
+}
+
+/// A path as it is seen from a folder; as it is if they have nothing in common.
+fn from(folder: &Path, path: &Path) -> PathBuf {
+    let common = folder.components().zip(path.components()).take_while(|(a, b)| a == b).count();
+    if common < 2 {
+        return path.to_owned();
+    }
+    let up = folder.components().skip(common).map(|_| Component::ParentDir);
+    up.chain(path.components().skip(common)).collect()
 }

@@ -12,8 +12,9 @@ use crate::port::{Clock, MonotonicClock};
 use crate::sensing::SensingEvent;
 use crate::time::{Duration, Instant};
 use crate::view::live::{LiveEvent, LiveFrame, LiveQuantity, LiveView};
-use crate::view::session::points_m;
-use crate::view::tracks::SpanKind;
+use crate::view::session::PersonNow;
+use crate::view::tracks::{SpanKind, ViewSpan};
+use glam::DQuat;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -50,10 +51,16 @@ struct Told {
 
 impl Told {
     /// What else of whoever wears sensors is known.
-    fn posed(&mut self, pose: &SegmentPose, angles: &JointAngles, age_s: f64) {
+    fn posed(
+        &mut self,
+        pose: &SegmentPose,
+        sensors: &[Option<DQuat>; 13],
+        angles: &JointAngles,
+        age_s: f64,
+    ) {
         // Nobody measured the body: what is drawn is how it is turned.
         if let Ok(body) = Proportions::of_stature(DRAWN_FOR_M) {
-            self.frame.persons_m = vec![points_m(&body, pose)];
+            self.frame.persons = vec![PersonNow::of(&body, pose, sensors)];
         }
         self.frame.angles_rad = angles.0.iter().map(|rad| (rad * 1e4).round() / 1e4).collect();
         self.fact("age of the pose", format!("{:.0} ms", age_s * 1e3));
@@ -136,7 +143,7 @@ impl<'a> Viewing<'a> {
         let since = MonotonicClock.now().seconds_since(self.began);
         let time_s = Some(if told.is_timed { told.frame.time_s } else { since });
         let (row, label) = (row.to_owned(), label.to_owned());
-        view.happened(LiveEvent { time_s, lasts_s: 0.0, kind, row, label });
+        view.happened(LiveEvent { time_s, lasts_s: 0.0, kind, row, label, links: Vec::new() });
     }
 
     /// What a robot's loop last wrote down.
@@ -172,8 +179,8 @@ impl<'a> Viewing<'a> {
                     view.begins_anew();
                 }
             }
-            Event::Posed { pose, angles, age_s } => {
-                self.change(view, |told| told.posed(pose, angles, age_s));
+            Event::Posed { pose, sensors, angles, age_s } => {
+                self.change(view, |told| told.posed(pose, sensors, angles, age_s));
             }
             Event::Heard(sensors) => self.change(view, |told| told.heard(sensors)),
             Event::Recording(now) => self.change(view, |told| told.recorded(now)),
@@ -184,6 +191,7 @@ impl<'a> Viewing<'a> {
                     kind: SpanKind::Part,
                     row: "motion".to_owned(),
                     label: label.to_owned(),
+                    links: Vec::new(),
                 };
                 // Its clock begins with the first cycle.
                 self.told().joints(LiveFrame::default());
@@ -193,6 +201,13 @@ impl<'a> Viewing<'a> {
                 }
                 if duration_s.is_finite() {
                     view.happened(part("motion", approach_s, duration_s));
+                }
+            }
+            Event::Foreseen(spans) => {
+                for span in spans {
+                    let ViewSpan { kind, row, label, start_s, end_s, links } = span.clone();
+                    let (time_s, lasts_s) = (Some(start_s), end_s - start_s);
+                    view.happened(LiveEvent { time_s, lasts_s, kind, row, label, links });
                 }
             }
             Event::Note(text) => self.happened(view, SpanKind::Event, TOLD, text),

@@ -16,7 +16,7 @@ use crate::motion::limits::JointLimits;
 use crate::motion::path::{MAX_VALUES, Path};
 use crate::motion::retime::{Because, HEADROOM, Retimed, refuse_beyond, retime};
 use crate::motion::spline::Extreme;
-use crate::motion::trajectory::{Trajectory, check_limits};
+use crate::motion::trajectory::{Setpoint, Trajectory, check_limits};
 
 /// Furthest start from the first pose when no approach is allowed.
 pub const NEAR_RAD: f64 = 0.05;
@@ -84,6 +84,19 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Times in s and angles in rad, in the order of the trajectory's joints. The last row is the end
+    /// itself, wherever it falls on the grid.
+    pub fn rows(&self, rate_hz: f64) -> impl Iterator<Item = (f64, Vec<f64>)> {
+        let trajectory = &self.trajectory;
+        let last = (trajectory.duration_s() * rate_hz).ceil() as usize;
+        let mut setpoints = vec![Setpoint::default(); trajectory.joints().len()];
+        (0..=last).map(move |row| {
+            let time_s = (row as f64 / rate_hz).min(trajectory.duration_s());
+            trajectory.sample(time_s, &mut setpoints);
+            (time_s, setpoints.iter().map(|setpoint| setpoint.position_rad).collect())
+        })
+    }
+
     /// The time of the path as it was given, s, that is played at a time of the trajectory, the first time
     /// it is played: its beginning before, its end after.
     #[must_use]

@@ -4,6 +4,7 @@
 pub mod mesh;
 pub mod mjcf;
 mod onto;
+pub mod surface;
 pub mod urdf;
 mod written;
 mod xml;
@@ -34,6 +35,8 @@ pub struct PublicModel {
     pub joints: Vec<MovingJoint>,
     /// What each link takes up, in its own axes.
     pub volumes: Vec<Vec<Volume>>,
+    /// What each link looks like, in its own axes.
+    pub looks: Vec<Vec<Look>>,
     /// Closed chains: what a tree cannot say, and was left open.
     pub loops: Vec<String>,
     /// What a person should know of how it was read.
@@ -53,6 +56,17 @@ pub struct MovingJoint {
     pub velocity_rad_s: Option<f64>,
     /// Something drives it.
     pub driven: bool,
+}
+
+/// A mesh that a link looks like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// Its file, as the model calls it.
+    pub file: String,
+    /// What lengths in it are multiplied by, along its own axes.
+    pub scale: DVec3,
+    /// Where it is, in the axes of its link.
+    pub at: Placement,
 }
 
 /// Where meshes come from: the bytes of the file of this name, as the model calls it.

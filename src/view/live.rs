@@ -9,7 +9,7 @@
 mod request;
 
 use super::ViewPage;
-use super::session::SensorRow;
+use super::session::{PersonNow, SensorRow};
 use super::tracks::SpanKind;
 use crate::error::Error;
 use crate::time::Duration;
@@ -52,9 +52,9 @@ pub struct LiveFrame {
     /// What else was read of joints just now.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub others: Vec<LiveQuantity>,
-    /// Where joints and ends of each person are, as in [`super::person::PersonTrack`]; of nobody: empty.
+    /// Who wears sensors; of nobody: empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub persons_m: Vec<Vec<[f64; 3]>>,
+    pub persons: Vec<PersonNow>,
     /// Angles of the first of them, in the order of the page, rad.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub angles_rad: Vec<f64>,
@@ -101,6 +101,9 @@ pub struct LiveEvent {
     pub row: String,
     /// What it says.
     pub label: String,
+    /// Links of the robot that it is about.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub links: Vec<usize>,
 }
 
 /// What browsers are told.

@@ -8,11 +8,16 @@ use crate::retarget::base::BasePath;
 use crate::retarget::collision::{SelfContact, TOUCHES_M};
 use crate::rigid::{Placement, Volume};
 use crate::robot::RobotBody;
+use crate::robot::model::surface::{Surface, coarse};
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
 /// What places of the base are rounded to, m, and parts of its turn.
 const BASE_M: f64 = 1e-4;
+/// What corners of meshes are rounded to, m.
+const MESH_M: f64 = 1e-4;
+/// Triangles of all links together, at most: half a megabyte of a page.
+const TRIANGLES: usize = 40_000;
 const TURN: f64 = 1.0 / 16_384.0;
 /// Instants per second in which links are held against each other, at most.
 const LOOKS_HZ: f64 = 50.0;
@@ -39,6 +44,9 @@ pub struct RobotTrack {
     pub(super) turn: [Coded; 4],
     /// Of the feet that are meant to stand the sum of 1 (left) and 2 (right).
     pub(super) contacts: Coded,
+    /// What of it cannot be shown, in words.
+    #[serde(skip)]
+    pub(super) unseen: Option<String>,
 }
 
 /// A link.
@@ -52,6 +60,18 @@ pub(super) struct LinkShape {
     pub(super) mass_kg: f64,
     pub(super) centre_m: [f64; 3],
     pub(super) shapes: Vec<Shape>,
+    /// What it looks like, in its axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) mesh: Option<Mesh>,
+}
+
+/// Triangles between points.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Mesh {
+    /// Places of corners, m.
+    pub(super) points: [Coded; 3],
+    /// First, second and third corner of each triangle.
+    pub(super) triangles: [Coded; 3],
 }
 
 /// What a link takes up, in its axes.
@@ -86,6 +106,7 @@ impl RobotTrack {
             mass_kg: link.mass.mass_kg,
             centre_m: link.mass.centre_m.to_array(),
             shapes: volumes.iter().map(shape).collect(),
+            mesh: None,
         });
         let couplings = body.tree.couplings().iter().map(|coupling| Follows {
             link: coupling.link,
@@ -112,7 +133,27 @@ impl RobotTrack {
             at: places(&at_m, BASE_M),
             turn,
             contacts: Coded::of(stands, 1.0),
+            unseen: None,
         }
+    }
+}
+
+impl RobotTrack {
+    /// The same robot, whose links look like these surfaces, in their order and axes; one without triangles is none.
+    /// `unseen`: what cannot be shown, in words.
+    #[must_use]
+    pub fn looking_like(mut self, looks: &[Surface], unseen: Option<String>) -> Self {
+        self.unseen = unseen;
+        let points = || looks.iter().flat_map(|look| &look.points_m);
+        let far_m = points().map(|at| at.length()).fold(0.0, f64::max);
+        for (link, look) in self.links.iter_mut().zip(coarse(looks, far_m, TRIANGLES)) {
+            let corner = |at: usize| look.triangles.iter().map(move |of| of[at] as f64);
+            link.mesh = (!look.triangles.is_empty()).then(|| Mesh {
+                points: places(&look.points_m, MESH_M),
+                triangles: [0, 1, 2].map(|at| Coded::of(corner(at), 1.0)),
+            });
+        }
+        self
     }
 }
 

@@ -1,10 +1,10 @@
 //! What a page tells of a recording session while it is led. Lengths in m, times in s.
 
-use super::person::PersonTrack;
+use super::person::{DrawnSensor, PersonTrack};
 use super::tracks::SampleClock;
-use crate::body::{Proportions, SegmentPose};
+use crate::body::{Proportions, Segment, SegmentPose, segment_name};
 use crate::mocap::scene::{DrawnFeet, Scene};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::Serialize;
 
 /// What is told at one time.
@@ -14,8 +14,36 @@ pub struct SessionFrame {
     pub time_s: f64,
     /// What there is to be done, and how it goes.
     pub session: SessionPanel,
-    /// By subject, where joints and ends of whoever wears the sensors are, as in [`PersonTrack`]; none while nobody knows.
-    pub persons_m: Vec<Vec<[f64; 3]>>,
+    /// By subject, whoever wears the sensors; without places while nobody knows where they are.
+    pub persons: Vec<PersonNow>,
+}
+
+/// Somebody who wears sensors, as they are now.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PersonNow {
+    /// Where joints and ends are, as in [`PersonTrack`], m.
+    pub places_m: Vec<[f64; 3]>,
+    /// How the sensor of each segment is turned (w, x, y, z); null: it is not worn, or says nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sensors: Vec<Option<[f64; 4]>>,
+}
+
+impl PersonNow {
+    /// Somebody of this body in a pose, the lowest of them on the floor, with sensors that are turned so; mm are enough.
+    #[must_use]
+    pub fn of(body: &Proportions, pose: &SegmentPose, sensors: &[Option<DQuat>; 13]) -> Self {
+        let at = body.positions(pose);
+        let all: Vec<DVec3> = at.joints_m.iter().chain(&at.ends_m).copied().collect();
+        let low_m = all.iter().map(|point_m| point_m.z).fold(f64::INFINITY, f64::min);
+        let over_floor = |point_m: &DVec3| {
+            (*point_m - DVec3::Z * low_m).to_array().map(|part_m| (part_m * 1e3).round() / 1e3)
+        };
+        let turned = |by: DQuat| [by.w, by.x, by.y, by.z].map(|part| (part * 1e3).round() / 1e3);
+        Self {
+            places_m: all.iter().map(over_floor).collect(),
+            sensors: sensors.iter().map(|sensor| sensor.map(turned)).collect(),
+        }
+    }
 }
 
 /// What the operator sees.
@@ -97,22 +125,16 @@ pub struct SensorRow {
     pub silent: String,
 }
 
-/// Somebody in a pose: joints, then ends, with the lowest on the floor; mm are enough.
-#[must_use]
-pub fn points_m(body: &Proportions, pose: &SegmentPose) -> Vec<[f64; 3]> {
-    let at = body.positions(pose);
-    let all: Vec<DVec3> = at.joints_m.iter().chain(&at.ends_m).copied().collect();
-    let low_m = all.iter().map(|point_m| point_m.z).fold(f64::INFINITY, f64::min);
-    let over_floor = |point_m: &DVec3| {
-        (*point_m - DVec3::Z * low_m).to_array().map(|part_m| (part_m * 1e3).round() / 1e3)
-    };
-    all.iter().map(over_floor).collect()
-}
-
-/// Somebody who is drawn as they come.
+/// Somebody who is drawn as they come, with what may be worn on each segment.
 #[must_use]
 pub fn person(body: &Proportions) -> PersonTrack {
     let (poses, rate_hz, floor_m, feet) = (&[], 1.0, 0.0, DrawnFeet::DrawnOn);
     let scene = Scene { title: "", poses, body, rate_hz, floor_m, feet };
-    PersonTrack::drawn(&scene, SampleClock::Even { rate_hz, count: 0 }, &[], None)
+    let sensors = Segment::ALL.map(|segment| DrawnSensor {
+        name: segment_name(segment).to_owned(),
+        segment,
+        turns: Vec::new(),
+    });
+    let somebody = PersonTrack::drawn(&scene, SampleClock::Even { rate_hz, count: 0 }, &[], None);
+    somebody.wearing(sensors.into(), rate_hz)
 }

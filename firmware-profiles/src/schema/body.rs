@@ -151,6 +151,9 @@ pub struct BodyLink {
     /// Boxes.
     #[serde(default)]
     pub boxes: Vec<BodyBox>,
+    /// What it looks like, for pages alone.
+    #[serde(default)]
+    pub meshes: Vec<BodyMesh>,
     /// Corners of what it stands on, m; absent: it does not stand on it.
     #[serde(default)]
     pub sole_m: Option<Vec<[f64; 3]>>,
@@ -182,6 +185,27 @@ pub struct BodyBox {
     /// How it is turned, quaternion w, x, y, z; absent: not at all.
     #[serde(default = "unturned")]
     pub turn: [f64; 4],
+}
+
+/// A surface of triangles in a file of its own (STL or OBJ).
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyMesh {
+    /// Path of the file, from the folder of the robot file unless it begins at the root.
+    pub file: String,
+    /// What lengths in it are multiplied by, along its own axes, to be m; absent = 1.
+    #[serde(default = "as_large")]
+    pub scale: [f64; 3],
+    /// Where its origin is, m; absent: the link's.
+    #[serde(default)]
+    pub at_m: [f64; 3],
+    /// How it is turned, quaternion w, x, y, z; absent: not at all.
+    #[serde(default = "unturned")]
+    pub turn: [f64; 4],
+}
+
+const fn as_large() -> [f64; 3] {
+    [1.0; 3]
 }
 
 const fn unturned() -> [f64; 4] {

@@ -11,6 +11,7 @@ use crate::recognise::points::{Lengths, Points};
 use crate::recognise::stream::{LONGEST_GAP_S, Recogniser};
 use crate::recording::{RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
+use glam::DQuat;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
@@ -44,8 +45,20 @@ pub enum LiveWord {
     Marked(Instant, String),
     /// Something that was recognised.
     Recognised(RecognitionEvent),
-    /// What the body does: the pose, its angles, and how long ago the oldest of its sensors was read, s.
-    Posed(Box<(SegmentPose, JointAngles, f64)>),
+    /// What the body does.
+    Posed(Box<PosedNow>),
+}
+
+/// A body that wears sensors, as it is now.
+pub struct PosedNow {
+    /// The pose.
+    pub pose: SegmentPose,
+    /// By segment, how its sensor is turned.
+    pub sensors: [Option<DQuat>; 13],
+    /// The angles of its joints.
+    pub angles: JointAngles,
+    /// How long ago the oldest of its sensors was read, s.
+    pub age_s: f64,
 }
 
 /// What was named of a body that is no longer heard.

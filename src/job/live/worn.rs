@@ -1,7 +1,7 @@
 //! A robot that does what a person who wears sensors does.
 
 use super::lost::{self, Lost};
-use super::naming::{HowNamed, LiveWord, NamedBody, Naming};
+use super::naming::{HowNamed, LiveWord, NamedBody, Naming, PosedNow};
 use super::report::{self, BodyReport, LiveReport};
 use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
 use super::{Job, Ready, look};
@@ -117,8 +117,8 @@ impl Job<'_> {
                     }
                     LiveWord::Recognised(event) => observer.hear(Event::Recognised(&event)),
                     LiveWord::Posed(posed) => {
-                        let (pose, angles, age_s) = &*posed;
-                        observer.hear(Event::Posed { pose, angles, age_s: *age_s });
+                        let PosedNow { pose, sensors, angles, age_s } = &*posed;
+                        observer.hear(Event::Posed { pose, sensors, angles, age_s: *age_s });
                     }
                 });
             });
@@ -746,7 +746,9 @@ impl<'a> Body<'a> {
         if self.looks && self.posed_at.is_none_or(|at| now.seconds_since(at) >= POSED_S) {
             self.posed_at = Some(now);
             let age_s = now.seconds_since(oldest);
-            let posed = Box::new((moment.pose.clone(), moment.measured.angles, age_s));
+            let sensors = self.wearing.sensors(&moment);
+            let (pose, angles) = (moment.pose.clone(), moment.measured.angles);
+            let posed = Box::new(PosedNow { pose, sensors, angles, age_s });
             // Nobody listens any more only at the very end.
             let _ = self.tell.send(LiveWord::Posed(posed));
         }

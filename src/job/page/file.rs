@@ -1,6 +1,6 @@
 //! Pages of what a file holds: a capture, markers, a robot's recording.
 
-use super::{NamedLimits, drawable, joint_tracks, sampled};
+use super::{NamedLimits, drawable, joint_tracks, look, sampled};
 use crate::body::SegmentPose;
 use crate::bus::Miss;
 use crate::error::{Error, ErrorKind};
@@ -16,7 +16,7 @@ use crate::robot::Robot;
 use crate::session::angles::WornMotion;
 use crate::view::ViewPage;
 use crate::view::person::DrawnSensor;
-use crate::view::robot::{RobotTrack, collisions, still};
+use crate::view::robot::{collisions, still};
 use crate::view::scene::ViewScene;
 use crate::view::tracks::{SpanKind, ViewSpan};
 use std::path::Path;
@@ -207,7 +207,7 @@ fn recorded(
         notes.push("where the base was is worked out from joints and soles".to_owned());
         base::path(&body, &soles, held, &poses, rate_hz, |_| None)
     });
-    scene.robot = Some(RobotTrack::of(&robot.name, &body, &base));
+    scene.robot = Some(look::drawn(&robot, &body, &base));
     scene.spans = collisions(&body, &start_rad, &poses, rate_hz);
     Ok((scene, Some(robot)))
 }

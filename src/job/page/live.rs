@@ -1,10 +1,10 @@
 //! The page of a robot while it moves.
 
-use super::{drawable, finite};
+use super::{drawable, finite, look};
 use crate::body::{Dof, Proportions};
 use crate::error::Error;
 use crate::robot::Robot;
-use crate::view::robot::{RobotTrack, still};
+use crate::view::robot::still;
 use crate::view::scene::ViewScene;
 use crate::view::series::Coded;
 use crate::view::session::person;
@@ -101,9 +101,7 @@ fn scene(robot: &Robot, count: usize) -> Result<ViewScene, Error> {
     let clock = SampleClock::Even { rate_hz: robot.file.rate_hz, count };
     Ok(ViewScene {
         can_edit: true,
-        robot: body
-            .as_ref()
-            .map(|body| RobotTrack::of(&robot.name, body, &still(body, &start_rad))),
+        robot: body.as_ref().map(|body| look::drawn(robot, body, &still(body, &start_rad))),
         joints: Some(JointTracks { clock, joints: joints.collect() }),
         ..ViewScene::default()
     })

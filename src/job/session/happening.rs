@@ -9,6 +9,7 @@ use crate::session::{
     BodyCheck, DeviceCheck, PlannedAction, SensorCheck, SessionFile, Step, TrialFile,
 };
 use crate::time::Utc;
+use glam::DQuat;
 use std::collections::BTreeMap;
 
 /// Something that whoever leads a session is told. What is in the session's files afterwards stands
@@ -142,6 +143,8 @@ pub enum Happening<'a> {
         subject: usize,
         /// The pose.
         pose: &'a SegmentPose,
+        /// By segment, how its sensor is turned in the same world; `None`: it is not worn, or says nothing.
+        sensors: &'a [Option<DQuat>; 13],
         /// Whose it is.
         body: &'a Proportions,
     },

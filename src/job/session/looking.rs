@@ -91,13 +91,14 @@ impl Looking {
                 let is_fresh = |last: Instant| now.seconds_since(last) <= STALE_S;
                 said[segment.index()] = sensor.turned.filter(|_| sensor.last.is_some_and(is_fresh));
             }
-            let pose = worn.wearing.pose(&said, now.seconds_since(worn.before)).pose;
+            let moment = worn.wearing.pose(&said, now.seconds_since(worn.before));
             worn.before = now;
-            poses.push((subject, pose, worn.body));
+            let sensors = worn.wearing.sensors(&moment);
+            poses.push((subject, moment.pose, sensors, worn.body));
         }
         // Whoever hears it may take their time; nobody waits for that.
-        for (subject, pose, body) in poses {
-            operator.hear(Happening::Posed { subject, pose: &pose, body: &body });
+        for (subject, pose, sensors, body) in &poses {
+            operator.hear(Happening::Posed { subject: *subject, pose, sensors, body });
         }
     }
 }

@@ -17,7 +17,7 @@ use crate::session::Verdict;
 use crate::time::{Duration, Instant};
 use crate::view::live::LiveView;
 use crate::view::session::{
-    HoldTime, SessionFrame, SessionPanel, SettledWords, TrialPlace, points_m,
+    HoldTime, PersonNow, SessionFrame, SessionPanel, SettledWords, TrialPlace,
 };
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -38,8 +38,8 @@ pub struct OnPage<'a> {
 #[derive(Default)]
 struct Told {
     panel: SessionPanel,
-    /// By subject, where their joints and ends are.
-    persons_m: Vec<Vec<[f64; 3]>>,
+    /// By subject, as they are now.
+    persons: Vec<PersonNow>,
     /// What the guide asks for after what it asks for now.
     after: Option<String>,
     announced: Option<String>,
@@ -80,9 +80,10 @@ impl Told {
                 self.panel.trial = None;
             }
             Happening::Heard(sensors) => self.panel.sensors = sensors.iter().map(row).collect(),
-            Happening::Posed { subject, pose, body } if subject < MOST_SUBJECTS => {
-                self.persons_m.resize(self.persons_m.len().max(subject + 1), Vec::new());
-                self.persons_m[subject] = points_m(body, pose);
+            Happening::Posed { subject, pose, sensors, body } if subject < MOST_SUBJECTS => {
+                let known = self.persons.len().max(subject + 1);
+                self.persons.resize(known, PersonNow::default());
+                self.persons[subject] = PersonNow::of(body, pose, sensors);
             }
             Happening::Posed { .. } => {}
             Happening::Settled(settled) => {
@@ -190,7 +191,7 @@ impl Told {
         });
         panel.recorded_s = self.recording.map(|since| now.seconds_since(since));
         panel.next = self.after.iter().chain(&self.steps).cloned().collect();
-        SessionFrame { time_s, session: panel.clone(), persons_m: self.persons_m.clone() }
+        SessionFrame { time_s, session: panel.clone(), persons: self.persons.clone() }
     }
 }
 

@@ -1,58 +1,18 @@
-//! Meshes (STL, OBJ), read for one purpose: the capsule or box that holds all their corners.
+//! Meshes, as what takes up room: the capsule or box that holds all their corners.
 
 use super::Meshes;
+use super::surface::Surface;
 use crate::rigid::{Capsule, Cuboid, Volume};
 use core::f64::consts::PI;
 use glam::{DQuat, DVec3};
 
-/// Most corners of a mesh that are looked at.
-const CORNERS_MAX: usize = 400_000;
 /// A cylinder this many times longer than it is wide is a capsule.
 const LONG: f64 = 1.6;
 
 /// The volume around the mesh in this file; nothing if it cannot be read.
 pub(super) fn fitted(file: &str, scale: DVec3, meshes: &mut Meshes<'_>) -> Option<Volume> {
-    let corners = corners(&meshes(file).ok()?)?;
-    around(corners.into_iter().map(|corner| corner * scale))
-}
-
-/// Corners of an STL (binary or text) or OBJ mesh; nothing if it is neither, or has none.
-#[must_use]
-pub fn corners(bytes: &[u8]) -> Option<Vec<DVec3>> {
-    let found = binary(bytes).or_else(|| text(bytes))?;
-    let sound = !found.is_empty() && found.iter().all(|corner| corner.is_finite());
-    sound.then_some(found)
-}
-
-/// Binary STL: 80 bytes, a count, then 50 bytes a triangle, of which 12 are its normal.
-fn binary(bytes: &[u8]) -> Option<Vec<DVec3>> {
-    let count = u32::from_le_bytes(bytes.get(80..84)?.try_into().ok()?) as usize;
-    if bytes.len() != count.checked_mul(50)?.checked_add(84)? || 3 * count > CORNERS_MAX {
-        return None;
-    }
-    let value = |four: &[u8]| f64::from(f32::from_le_bytes(four.try_into().unwrap_or_default()));
-    let corner =
-        |twelve: &[u8]| DVec3::new(value(&twelve[..4]), value(&twelve[4..8]), value(&twelve[8..]));
-    let triangles = bytes[84..].chunks_exact(50);
-    Some(triangles.flat_map(|triangle| triangle[12..48].chunks_exact(12).map(corner)).collect())
-}
-
-/// Lines that begin with `vertex` (STL) or `v` (OBJ).
-fn text(bytes: &[u8]) -> Option<Vec<DVec3>> {
-    let text = std::str::from_utf8(bytes).ok()?;
-    let mut found = Vec::new();
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        if !matches!(words.next(), Some("vertex" | "v")) {
-            continue;
-        }
-        let mut next = || words.next().and_then(|word| word.parse::<f64>().ok());
-        found.push(DVec3::new(next()?, next()?, next()?));
-        if found.len() > CORNERS_MAX {
-            return None;
-        }
-    }
-    Some(found)
+    let surface = Surface::read(&meshes(file).ok()?)?;
+    around(surface.points_m.into_iter().map(|corner| corner * scale))
 }
 
 /// A capsule or a box, whichever takes up less room, both along the axes and around all points.

@@ -2,7 +2,7 @@
 //! <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 
 use super::xml::{child, children, number, numbers, place, vector, wrong};
-use super::{Meshes, MovingJoint, PublicModel, meant, mesh, shown, some};
+use super::{Look, Meshes, MovingJoint, PublicModel, meant, mesh, shown, some};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
@@ -32,6 +32,7 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
         tree: Vec::new(),
         joints: Vec::new(),
         volumes: Vec::new(),
+        looks: Vec::new(),
         unread: Vec::new(),
         weightless: Vec::new(),
     };
@@ -55,6 +56,7 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
         base,
         joints: reader.joints,
         volumes: reader.volumes,
+        looks: reader.looks,
         loops,
         notes,
     })
@@ -235,6 +237,7 @@ struct Reader<'a, 'i, 'm> {
     tree: Vec<TreeLink>,
     joints: Vec<MovingJoint>,
     volumes: Vec<Vec<Volume>>,
+    looks: Vec<Vec<Look>>,
     unread: Vec<String>,
     weightless: Vec<String>,
 }
@@ -306,6 +309,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
             mass,
         });
         self.volumes.push(Vec::new());
+        self.looks.push(Vec::new());
     }
 
     /// A body as one link for each of its joints, the last with what it weighs; the index of that.
@@ -351,6 +355,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
             self.push(name, parent, origin, mass);
         }
         let link = self.tree.len() - 1;
+        self.looks[link] = self.looks_like(&geoms);
         let touching: Vec<Geom> = geoms.into_iter().filter(|geom| !geom.visual).collect();
         for geom in touching {
             let volume = self.volume(&geom);
@@ -551,6 +556,22 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
             _ => Form::Other,
         };
         Ok(Geom { at, form, visual })
+    }
+
+    /// The meshes that are only seen, or, of a body that has none, those that touch.
+    fn looks_like(&self, geoms: &[Geom]) -> Vec<Look> {
+        let of = |visual: bool| {
+            let of = geoms.iter().filter(move |geom| geom.visual == visual);
+            of.filter_map(|geom| match &geom.form {
+                Form::Mesh(name) => {
+                    let Asset { file, scale } = self.assets.get(name)?;
+                    Some(Look { file: file.clone(), scale: *scale, at: geom.at })
+                }
+                _ => None,
+            })
+        };
+        let seen: Vec<Look> = of(true).collect();
+        if seen.is_empty() { of(false).collect() } else { seen }
     }
 
     fn volume(&mut self, geom: &Geom) -> Option<Volume> {

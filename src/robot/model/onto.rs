@@ -4,7 +4,7 @@
 //! is how a robot file has its origins. So neither the model's own frames nor the signs of its joints
 //! matter, only where the axes are.
 
-use super::{MovingJoint, PublicModel, shown, some};
+use super::{Look, MovingJoint, PublicModel, shown, some};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{JointKind, Mass, Placement, Volume};
 use gaitway_profiles::{BaseKind, Robot};
@@ -51,6 +51,8 @@ pub struct ReducedLink {
     pub mass: Mass,
     /// What it takes up.
     pub volumes: Vec<Volume>,
+    /// What it looks like.
+    pub looks: Vec<Look>,
     /// Corners it stands on; none if it does not.
     pub sole_m: Vec<DVec3>,
 }
@@ -326,8 +328,13 @@ impl PublicModel {
 
     fn reduced(&self, joints: Vec<OwnJoint>, placed: &[Placement]) -> Reduced {
         let owner = |link: usize| joints.iter().position(|joint| joint.link == link);
-        let base =
-            ReducedLink { joint: None, mass: Mass::NONE, volumes: Vec::new(), sole_m: Vec::new() };
+        let base = ReducedLink {
+            joint: None,
+            mass: Mass::NONE,
+            volumes: Vec::new(),
+            looks: Vec::new(),
+            sole_m: Vec::new(),
+        };
         let mut links = vec![base.clone()];
         links.extend((0..joints.len()).map(|at| ReducedLink { joint: Some(at), ..base.clone() }));
         for (index, link) in self.tree.links().iter().enumerate() {
@@ -337,6 +344,9 @@ impl PublicModel {
             let placement = Placement { at_m: placed[index].at_m - from, ..placed[index] };
             to.mass = to.mass.with(&link.mass.placed(placement));
             to.volumes.extend(self.volumes[index].iter().map(|volume| volume.placed(placement)));
+            to.looks.extend(
+                self.looks[index].iter().map(|of| Look { at: placement.then(of.at), ..of.clone() }),
+            );
         }
         let is_taken = |joint: &&MovingJoint| owner(joint.link).is_none();
         let held: Vec<String> =

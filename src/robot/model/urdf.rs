@@ -2,7 +2,7 @@
 //! <https://wiki.ros.org/urdf/XML>.
 
 use super::xml::{child, children, number, place, vector, wrong};
-use super::{Meshes, MovingJoint, PublicModel, meant, mesh, shown};
+use super::{Look, Meshes, MovingJoint, PublicModel, meant, mesh, shown};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
@@ -26,7 +26,8 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
     }
     let (order, floats) = order(&links, &joints)?;
     let mut notes = Vec::new();
-    let (mut tree, mut moving, mut volumes) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut tree, mut moving) = (Vec::new(), Vec::new());
+    let (mut volumes, mut looks) = (Vec::new(), Vec::new());
     let mut index_of: BTreeMap<&str, usize> = BTreeMap::new();
     let mut link_of_joint: BTreeMap<&str, usize> = BTreeMap::new();
     let mut shapeless = Vec::new();
@@ -48,6 +49,7 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
         }
         let mass = mass(*link)?;
         volumes.push(take_up(*link, meshes, &mut shapeless)?);
+        looks.push(looks_like(*link)?);
         tree.push(TreeLink {
             name: name.to_owned(),
             parent,
@@ -77,6 +79,7 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
         base,
         joints: moving,
         volumes,
+        looks,
         loops: Vec::new(),
         notes,
     })
@@ -286,9 +289,7 @@ fn take_up(
             })),
             "mesh" => {
                 let file = named(form, "filename")?;
-                let scale =
-                    form.attribute("scale").map_or(Ok(DVec3::ONE), |t| vector(form, "scale", t))?;
-                let volume = mesh::fitted(file, scale, meshes);
+                let volume = mesh::fitted(file, scale(form)?, meshes);
                 if volume.is_none() {
                     unread.push(shown(file));
                 }
@@ -299,6 +300,22 @@ fn take_up(
         found.extend(volume.map(|volume| volume.placed(origin)));
     }
     Ok(found)
+}
+
+/// The meshes of the link's visual elements.
+fn looks_like(link: Node<'_, '_>) -> Result<Vec<Look>, Error> {
+    let mut found = Vec::new();
+    for visual in children(link, "visual") {
+        let mesh = child(visual, "geometry").and_then(|geometry| child(geometry, "mesh"));
+        let Some(mesh) = mesh else { continue };
+        let file = named(mesh, "filename")?.to_owned();
+        found.push(Look { file, scale: scale(mesh)?, at: origin(visual)? });
+    }
+    Ok(found)
+}
+
+fn scale(mesh: Node<'_, '_>) -> Result<DVec3, Error> {
+    mesh.attribute("scale").map_or(Ok(DVec3::ONE), |text| vector(mesh, "scale", text))
 }
 
 fn couplings(

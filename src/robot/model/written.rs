@@ -5,7 +5,7 @@ use super::onto::{OwnJoint, Reduced, ReducedLink};
 use crate::error::counted;
 use crate::rigid::Volume;
 use gaitway_profiles::BaseKind;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use std::fmt::Write;
 
 /// Of a joint whose limits the model does not say, rad.
@@ -97,6 +97,15 @@ fn mounted(out: &mut String, joint: &OwnJoint, joints: &[OwnJoint]) {
         writeln!(out, "origin_m = {}\naxis = [{}]", lengths(joint.at_m - from), axis.join(", "));
 }
 
+/// How something is turned, unless it is not.
+fn turned(by: DQuat) -> String {
+    if by.w.abs() > 1.0 - 1e-12 {
+        return String::new();
+    }
+    let parts = [by.w, by.x, by.y, by.z].map(|part| number((part * 1e9).round() / 1e9));
+    format!(", turn = [{}]", parts.join(", "))
+}
+
 fn link(out: &mut String, link: &ReducedLink, joints: &[OwnJoint]) {
     let _ = writeln!(out, "\n[[body.link]]");
     if let Some(joint) = link.joint {
@@ -128,22 +137,26 @@ fn link(out: &mut String, link: &ReducedLink, joints: &[OwnJoint]) {
                 number(of.radius_m)
             )),
             Volume::Cuboid(of) => {
-                let q = of.turn;
-                let turn = if q.w.abs() > 1.0 - 1e-12 {
-                    String::new()
-                } else {
-                    let parts = [q.w, q.x, q.y, q.z].map(|v| number((v * 1e9).round() / 1e9));
-                    format!(", turn = [{}]", parts.join(", "))
-                };
                 boxes.push(format!(
-                    "{{ centre_m = {}, half_m = {}{turn} }}",
+                    "{{ centre_m = {}, half_m = {}{} }}",
                     lengths(of.centre_m),
-                    lengths(of.half_m)
+                    lengths(of.half_m),
+                    turned(of.turn)
                 ));
             }
         }
     }
-    for (key, list) in [("capsules", capsules), ("boxes", boxes)] {
+    let meshes = link.looks.iter().map(|of| {
+        let scale = match of.scale {
+            DVec3::ONE => String::new(),
+            of => format!(", scale = [{}]", of.to_array().map(number).join(", ")),
+        };
+        let at = lengths(of.at.at_m);
+        // Not every path is written alike in Rust and in TOML.
+        let file = toml::Value::from(of.file.as_str());
+        format!("{{ file = {file}{scale}, at_m = {at}{} }}", turned(of.at.turn))
+    });
+    for (key, list) in [("capsules", capsules), ("boxes", boxes), ("meshes", meshes.collect())] {
         if !list.is_empty() {
             let _ = writeln!(out, "{key} = [\n    {},\n]", list.join(",\n    "));
         }
@@ -216,19 +229,38 @@ pub(super) fn draft(
     out
 }
 
-/// The file of a robot with this body in place of its own; nothing if more stands behind its own.
+/// The file of a robot with this body in place of its own, of which it keeps what no model says: its servos, sensor,
+/// balance, and what it does when it has fallen. Nothing if what stands behind its own is no part of it.
 pub(super) fn instead(text: &str, body: &str) -> Option<String> {
     let starts = |line: &str| line.trim_start().starts_with("[body]");
     let kept: Vec<&str> = text.lines().take_while(|line| !starts(line)).collect();
-    let rest = text.lines().skip(kept.len());
-    let foreign = |line: &str| {
-        let line = line.trim_start();
-        line.starts_with('[') && !line.starts_with("[body]") && !line.starts_with("[[body.")
-    };
-    // Lists of numbers begin lines with a bracket too, but further in.
-    if rest.into_iter().any(|line| !line.starts_with(' ') && line.len() > 2 && foreign(line)) {
-        return None;
+    let (mut fallen, mut own) = (None, String::new());
+    let mut is_kept = false;
+    for line in text.lines().skip(kept.len()) {
+        // Lists of numbers begin lines with a bracket too, but further in.
+        let is_header = line.starts_with('[') && line.len() > 2;
+        if is_header {
+            let name = line.trim_start_matches('[');
+            is_kept = name.starts_with("body.")
+                && !["body.link]", "body.coupled]"].iter().any(|of| name.starts_with(of));
+            if !is_kept && !name.starts_with("body") {
+                return None;
+            }
+            if is_kept {
+                own.push('\n');
+            }
+        }
+        if line.starts_with("when_fallen") {
+            fallen = Some(line);
+        } else if is_kept && !line.trim().is_empty() {
+            own.push_str(line);
+            own.push('\n');
+        }
     }
     let kept = kept.join("\n");
-    Some(format!("{}\n\n{body}", kept.trim_end()))
+    let body = match fallen {
+        Some(fallen) => body.replacen("[body]\n", &format!("[body]\n{fallen}\n"), 1),
+        None => body.to_owned(),
+    };
+    Some(format!("{}\n\n{body}{own}", kept.trim_end()))
 }

@@ -72,20 +72,21 @@ class LivePerson extends Person {
     this.clock = growing();
     this.points = data.points.map(() => [[], [], []]);
     this.centres = null;
-    this.sensors = [];
+    this.sensors.forEach(sensor => { sensor.turn = [[], [], [], []]; });
     this.aside = aside;
   }
 
   centre() { return null; }
 
   // Takes where everything is at a time; false if that is nothing new.
-  take(time, places) {
-    const { times } = this.clock;
+  take(time, now) {
+    const { times } = this.clock, places = now?.places_m;
     if (!places || places.length !== this.points.length || time === times[times.length - 1]) return false;
-    const all = [times, ...this.points.flat()];
+    const all = [times, ...this.points.flat(), ...this.sensors.flatMap(sensor => sensor.turn)];
     if (time < times[times.length - 1]) for (const values of all) values.length = 0;
     times.push(time);
     this.points.forEach((point, n) => point.forEach((axis, k) => axis.push(places[n][k] - (k === 1 ? this.aside : 0))));
+    this.sensors.forEach(({ turn }, n) => turn.forEach((part, k) => part.push(now.sensors?.[n]?.[k] ?? NaN)));
     if (times[0] < time - 1.25 * KEPT_S) {
       const old = times.findIndex(t => t >= time - KEPT_S);
       for (const values of all) values.splice(0, old);

@@ -30,7 +30,7 @@ let now = 0, playing = false, before = null, stale = true, frames = 0, slowest =
 let editing = false, editor = null, held = null;
 const isNow = () => isLive && !editing;
 
-const active = t => data.spans.filter(span => span.start_s <= t + 1e-6 && t <= Math.max(span.end_s, span.start_s + 0.05));
+const active = t => data.spans.filter(span => !span.before && span.start_s <= t + 1e-6 && t <= Math.max(span.end_s, span.start_s + 0.05));
 const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
 
 // ---- in space ----
@@ -207,11 +207,11 @@ if (!rows.length) byId("line").hidden = true;
 
 // Something happened while somebody looks on; each is told once, whatever was heard before.
 const happened = { numbers: new Set(), runs: 0 };
-function happen(number, { time_s: time, lasts_s: lasts, kind, row, label }) {
+function happen(number, { time_s: time, lasts_s: lasts, kind, row, label, links }) {
   if (happened.numbers.has(number)) return;
   happened.numbers.add(number);
   // Of another run, or before there was a clock.
-  const span = { kind, row, label, start_s: time ?? 0, end_s: (time ?? 0) + lasts, before: time === null };
+  const span = { kind, row, label, start_s: time ?? 0, end_s: (time ?? 0) + lasts, before: time === null, links };
   data.spans.push(span);
   if (!span.before) lineOf(span);
   const box = byId("events"), list = box.querySelector("ol");
@@ -219,7 +219,7 @@ function happen(number, { time_s: time, lasts_s: lasts, kind, row, label }) {
     list.prepend(eventItem(span));
     while (list.children.length > MOST_EVENTS) list.lastChild.remove();
     box.hidden = false; box.querySelector("summary").textContent = counted(list.children.length, "event");
-    if (kind === "wrong") said.textContent = label;
+    if (kind === "wrong") said.textContent = row === label ? label : `${row}: ${label}`;
   }
   redrawAll();
 }
@@ -369,7 +369,7 @@ if (isLive) {
     const told = JSON.parse(event.data);
     if (session) session.show(told.session);
     if (hearing) hearing.show(told.sensors || told.session?.sensors || [], told.facts);
-    persons.forEach((one, n) => one.take(told.time_s, (told.persons_m || [])[n]));
+    persons.forEach((one, n) => one.take(told.time_s, (told.persons || [])[n]));
     if (angles && told.angles_rad) taken(angles, { time_s: told.time_s, goal_rad: [], present_rad: told.angles_rad });
     if (joints && told.goal_rad.length && taken(joints, told)) learn();
     const isNew = ticking.take(told.time_s);

@@ -1,7 +1,7 @@
 // ---- stage: what is drawn in space ----
 
 const PARTS = {
-  robot: "robot", goal: "goal", person: "person", markers: "markers", before: "before", mass: "centre of mass",
+  robot: "robot", meshes: "its meshes", goal: "goal", person: "person", markers: "markers", before: "before", mass: "centre of mass",
   support: "support", contacts: "contacts", collisions: "touching links", forces: "force plates", sensors: "sensors",
 };
 
@@ -47,6 +47,7 @@ class Stage {
     const { robot, person, markers } = this;
     switch (part) {
       case "robot": return !!robot;
+      case "meshes": return !!robot && robot.links.some(link => link.mesh);
       case "collisions": return !!robot && robot.links.some(link => link.shapes.length);
       case "goal": return !!robot && robot.joints.list.some(joint => joint.goal && joint.present);
       case "person": return !!person;
@@ -130,7 +131,27 @@ class Stage {
       }
       group.add(mesh);
     }
+    const shapes = group.children.slice();
+    if (link.mesh) {
+      const shape = new THREE.BufferGeometry();
+      const [x, y, z] = link.mesh.points.map(decoded), [a, b, c] = link.mesh.triangles.map(decoded);
+      shape.setAttribute("position", new THREE.BufferAttribute(Float32Array.from({ length: 3 * x.length }, (_, i) => [x, y, z][i % 3][(i / 3) | 0]), 3));
+      shape.setIndex(Array.from({ length: 3 * a.length }, (_, i) => [a, b, c][i % 3][(i / 3) | 0]));
+      // Each triangle is lit on its own: edges stay edges.
+      const flat = shape.toNonIndexed();
+      flat.computeVertexNormals();
+      group.add(new THREE.Mesh(flat, ink));
+      group.userData.shapes = shapes;
+    }
     return group;
+  }
+
+  // Links that have a mesh show it, or the shapes that are held against one another.
+  showMeshes() {
+    const yes = this.isShown("meshes");
+    for (const { userData: { shapes }, children } of [...this.bodies, ...this.ghosts]) {
+      if (shapes) for (const child of children) child.visible = shapes.includes(child) !== yes;
+    }
   }
 
   addRobot() {
@@ -144,6 +165,7 @@ class Stage {
     });
     this.bodies = all(this.ink.robot);
     this.ghosts = this.has("goal") ? all(this.ink.goal) : [];
+    this.showMeshes();
     // Links without a shape: what connects joints is drawn as lines.
     this.bones = this.robot.links.map((link, n) => {
       if (link.parent === null) return null;
@@ -230,7 +252,10 @@ class Stage {
     ["middle", "left", "right"].forEach((side, n) => this.ink.sides[n].color.copy(colour(side)));
   }
 
-  show(part, yes) { this.shown[part] = yes; }
+  show(part, yes) {
+    this.shown[part] = yes;
+    if (part === "meshes") this.showMeshes();
+  }
   isShown(part) { return this.shown[part] !== false && this.has(part); }
 
   // Puts everything where it is at a time.
@@ -449,7 +474,7 @@ class Stage {
     if (this.robot) {
       const ray = new THREE.Raycaster();
       ray.setFromCamera(at, this.camera);
-      const hit = ray.intersectObjects(this.bodies, true)[0];
+      const hit = ray.intersectObjects(this.bodies, true).find(({ object }) => object.visible);
       return hit ? hit.object.parent.userData.link - 1 : null;
     }
     if (!this.markers) return null;

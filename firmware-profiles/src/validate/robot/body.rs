@@ -267,6 +267,17 @@ fn takes_up(file: &str, link: &BodyLink, place: &str) -> Verdict {
         }
         unit(file, place, "boxes, turn", &of.turn)?;
     }
+    for of in &link.meshes {
+        all_finite(file, place, "meshes, at_m", &of.at_m)?;
+        all_finite(file, place, "meshes, scale", &of.scale)?;
+        unit(file, place, "meshes, turn", &of.turn)?;
+        if of.file.is_empty() || of.scale.contains(&0.0) {
+            return Err(ProfileError::new(file, "a mesh has a file and a size")
+                .at(format!("{place}, meshes"))
+                .got(format!("file = {:?}, scale = {:?}", of.file, of.scale))
+                .allowed("the path of an STL or OBJ file, and no scale of 0"));
+        }
+    }
     let Some(sole) = &link.sole_m else { return Ok(()) };
     all_finite(file, place, "sole_m", &sole.concat())?;
     if sole.len() < 3 {
