@@ -294,7 +294,7 @@ fn captures_end_well(choose: impl Fn(usize) -> usize) {
     for (number, file) in files.iter().enumerate() {
         let motion = file.to_str().expect("a UTF-8 path");
         let name = file.file_name().and_then(|name| name.to_str()).unwrap_or(motion);
-        // What cannot be played is refused; tests/captures.rs says how many.
+        // What cannot be played is refused; tests/mocap/captures.rs says how many.
         let robot = &robots[choose(number) % robots.len()];
         let Ok(laid) = Laid::new(robot, &MotionOrder::of(motion), 1.0) else { continue };
         played += 1;

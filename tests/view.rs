@@ -252,7 +252,7 @@ fn the_floor_pushes_at_a_heel_or_toe(browser: &mut Browser, page: &Path) {
             (pressed, up_n) = (pressed + 1, up_n.max(800.0 * height_m));
         }
     }
-    // The same force that `info` tells: see tests/force_plates.rs and tests/measured_force.rs.
+    // The same force that `info` tells: see tests/mocap/force_plates.rs and tests/mocap/measured_force.rs.
     assert!(pressed > 5 && (400.0..2000.0).contains(&up_n), "{pressed} arrows, {up_n} N");
 }
 

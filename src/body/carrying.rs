@@ -6,7 +6,7 @@
 //! that are made, whose soles lie on the floor exactly, there is [`crate::body::contact`].
 //!
 //! The numbers are ours. Against force plates (20 N), on level ground and on stairs, feet found so touch and leave within
-//! two frames of 100 and 120 a second (`tests/measured_force.rs`).
+//! two frames of 100 and 120 a second (`tests/mocap/measured_force.rs`).
 
 use super::{Joint, Proportions};
 use glam::DVec3;

@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 
 #[path = "../captured/mod.rs"]
-mod captured;
+pub mod captured;
 
 pub mod puppet;
 

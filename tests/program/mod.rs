@@ -15,12 +15,20 @@ pub const PATH: &str = env!("CARGO_BIN_EXE_gaitway");
 pub fn gaitway() -> Command {
     let mut command = Command::new(PATH);
     command.env("XDG_CONFIG_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("nobody"));
+    command.env("NO_COLOR", "1");
     command
 }
 
-/// An empty folder of this test's own.
+/// An empty folder of this test's own: no other test of the same file has one of this name.
+#[track_caller]
 pub fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(env!("CARGO_CRATE_NAME")).join(name);
+    let file = Path::new(std::panic::Location::caller().file());
+    let file = file.file_stem().expect("a file of tests");
+    let mut folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(env!("CARGO_CRATE_NAME"));
+    if file != env!("CARGO_CRATE_NAME") {
+        folder.push(file);
+    }
+    folder.push(name);
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
