@@ -39,6 +39,7 @@ pub mod servo;
 pub mod signals;
 pub mod simulate;
 pub mod source;
+pub mod status;
 pub mod synth;
 pub mod terminal;
 pub mod view;

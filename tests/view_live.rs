@@ -650,12 +650,12 @@ fn whoever_wears_sensors_is_drawn_as_they_move_with_their_angles_and_without_a_r
     browser.look(1280, 900, false);
     browser.open_served(&url);
     let nobody = "document.getElementById('nothing').textContent";
-    until(
-        &mut browser,
-        &format!("{nobody} === 'Nobody is drawn before the sensors are calibrated.'"),
-    );
+    // Who stands a few steps away reads what to do.
+    until(&mut browser, &format!("/^(N pose: upright|bow with a straight back)/.test({nobody})"));
     until(&mut browser, "document.querySelectorAll('#sensors tbody tr').length === 3");
     until(&mut browser, &format!("{nobody} === '' && gaitway.person(0).length > 20"));
+    let told = "[...document.querySelectorAll('#events li')].map(of => of.textContent)";
+    until(&mut browser, &format!("{told}.some(words => words.endsWith('calibration: good'))"));
     // Axes of the sensors, each where it is worn and turned by something.
     until(
         &mut browser,

@@ -142,7 +142,7 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
         Ok(view) => {
             let operator = Operator::listen(signals.clone(), remarks);
             let viewing = Viewing::new(&operator, view.as_ref());
-            let report = live(&order, &viewing, &operator);
+            let report = live(&order, &viewing, &viewing.of(&operator));
             viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
             report
         }

@@ -2,19 +2,25 @@
 
 use super::live::Shown;
 use super::signals::Signals;
+use super::status::StatusLine;
 use super::{Remarks, say};
+use crate::job::heard::following;
 use crate::job::{Event, Observer, cues};
 use crate::sensing::{Answer, Cue, Person};
 use std::io::{BufRead, IsTerminal};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// Whoever started the program. Lines are read by a thread of their own.
 pub struct Operator {
     signals: Signals,
     remarks: Remarks,
     shown: Mutex<Shown>,
+    /// While a robot follows, and since when.
+    status: StatusLine,
+    follows: Mutex<Option<Instant>>,
     typed: Arc<Typed>,
     lines: Arc<Mutex<Receiver<String>>>,
     /// True if lines are read elsewhere: their end is a stop.
@@ -62,6 +68,8 @@ impl Operator {
             signals,
             remarks,
             shown: Mutex::default(),
+            status: StatusLine::new(remarks),
+            follows: Mutex::default(),
             typed,
             lines,
             is_shared: false,
@@ -76,6 +84,8 @@ impl Operator {
             signals,
             remarks: Remarks::default(),
             shown: Mutex::default(),
+            status: StatusLine::default(),
+            follows: Mutex::default(),
             typed: Arc::default(),
             lines,
             is_shared: true,
@@ -118,7 +128,7 @@ impl Person for Operator {
         }
         // What comes after this is for whoever looks at a page.
         if !matches!(cue, Cue::Next(_)) {
-            say(&cues::of(&cue));
+            self.status.above(|| say(&cues::of(&cue)));
         }
     }
 
@@ -150,20 +160,31 @@ impl Person for Operator {
 impl Observer for Operator {
     fn hear(&self, event: Event<'_>) {
         match event {
-            Event::Note(text) => self.remarks.say(text),
+            Event::Note(text) => self.status.say(text),
             Event::Following => {
-                self.remarks.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
+                *self.follows.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+                self.status.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
             }
             Event::Angles { angles, worn } => {
                 let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
                 shown.show(angles, worn, self.remarks);
             }
-            Event::Sensing(event) => self.remarks.say(&cues::of_event(event)),
+            Event::Sensing(event) => self.status.say(&cues::of_event(event)),
             Event::Recognised(event) => {
-                event.words_of_done().iter().for_each(|words| self.remarks.say(words));
+                event.words_of_done().iter().for_each(|words| self.status.say(words));
+            }
+            Event::Heard(sensors) => {
+                let since = *self.follows.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(since) = since {
+                    self.status.show(&following(since.elapsed(), sensors));
+                }
             }
             _ => {}
         }
+    }
+
+    fn looks(&self) -> bool {
+        self.remarks.shows_progress()
     }
 
     /// A signal, or q and Enter.

@@ -8,9 +8,12 @@ use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::{CameToNothing, Outcome};
 use clap::FromArgMatches;
+use clap::builder::styling::{AnsiColor, Style};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::termios::isatty;
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 
 /// Why a text did not reach standard output.
@@ -48,7 +51,7 @@ pub enum Deed {
 /// # Errors
 /// Nobody reads it, or it cannot be written.
 pub fn print(text: &str) -> Result<(), Untold> {
-    put(&visible(text))
+    put(&painted(visible(text), std::io::stdout()))
 }
 
 /// Prints a table over the last `lines` lines of standard output, a terminal.
@@ -88,7 +91,8 @@ fn put(text: &str) -> Result<(), Untold> {
 
 /// Says a line to the person at the terminal. If nobody can be told, nothing depends on it.
 pub fn say(text: &str) {
-    let _ = std::io::stderr().lock().write_all(format!("{}\n", visible(text)).as_bytes());
+    let text = painted(visible(text), std::io::stderr());
+    let _ = std::io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }
 
 /// Asks, the answer to stand on the same line.
@@ -122,6 +126,45 @@ pub fn tell_usage(error: &clap::Error) -> i32 {
         }
         _ => error.exit_code(),
     }
+}
+
+/// What stands at the beginning of a line, and how a terminal shows it: how something ended, and what to do.
+const PAINTED: [(&str, Style); 9] = [
+    ("gaitway:", AnsiColor::Red.on_default().bold()),
+    ("refused", AnsiColor::Red.on_default().bold()),
+    ("failed", AnsiColor::Red.on_default().bold()),
+    ("stopped", AnsiColor::Yellow.on_default().bold()),
+    ("done, with loss", AnsiColor::Yellow.on_default().bold()),
+    ("done", AnsiColor::Green.on_default().bold()),
+    ("  to do", Style::new().bold()),
+    ("note", Style::new().dimmed()),
+    ("not whole", AnsiColor::Yellow.on_default()),
+];
+
+/// A text in the colours of whoever reads it: none unless that is a terminal that has them, and its user did not set
+/// `NO_COLOR` (<https://no-color.org>).
+fn painted(text: Cow<'_, str>, to: impl AsFd) -> Cow<'_, str> {
+    let is_set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let is_plain = is_set("NO_COLOR").is_some() || is_set("TERM").is_none_or(|of| of == "dumb");
+    if is_plain || !isatty(to) { text } else { Cow::Owned(in_colours(&text)) }
+}
+
+fn in_colours(text: &str) -> String {
+    let mut out = String::new();
+    for line in text.split_inclusive('\n') {
+        // A longer word that begins alike is another.
+        let is_whole = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric());
+        let found = PAINTED.iter().find_map(|(words, style)| {
+            line.strip_prefix(words).filter(|rest| is_whole(rest)).map(|rest| (words, style, rest))
+        });
+        match found {
+            Some((words, style, rest)) => {
+                out += &format!("{style}{words}{style:#}{rest}");
+            }
+            None => out += line,
+        }
+    }
+    out
 }
 
 /// To the beginning of the line so many lines above, everything from there on cleared.
@@ -194,7 +237,7 @@ impl Remarks {
     /// True if a progress bar may be shown.
     #[must_use]
     pub fn shows_progress(self) -> bool {
-        !self.quiet && rustix::termios::isatty(rustix::stdio::stderr())
+        !self.quiet && isatty(rustix::stdio::stderr())
     }
 }
 
@@ -358,5 +401,24 @@ impl Output {
     pub fn write_file(&self, path: &Path, bytes: &[u8]) -> Result<(), Error> {
         check_outside(path)?;
         draft::write_file(path, self.force, bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn how_it_ended_is_coloured_at_the_beginning_of_a_line_and_nowhere_else() {
+        let of = |text: &str| in_colours(text).replace('\u{1b}', "^");
+        assert_eq!(of("done: bow on op3\n"), "^[1m^[32mdone^[0m: bow on op3\n");
+        assert_eq!(of("done, with loss: 1\n"), "^[1m^[33mdone, with loss^[0m: 1\n");
+        assert_eq!(
+            of("gaitway: no\n  to do    go\n"),
+            "^[1m^[31mgaitway:^[0m no\n^[1m  to do^[0m    go\n"
+        );
+        for plain in ["it is done: bow\n", "donee\n", "notes\n", "joint      goal\n", ""] {
+            assert_eq!(of(plain), plain);
+        }
     }
 }

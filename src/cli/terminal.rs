@@ -1,8 +1,8 @@
 //! The terminal as the observer of a job: a signal ends it, a bar shows how far a motion is.
 
 use super::Remarks;
-use super::output::visible;
 use super::signals::Signals;
+use super::status::StatusLine;
 use crate::job::observer::RecordingNow;
 use crate::job::{Event, Observer, Progress, cues};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -14,8 +14,8 @@ pub struct Terminal<'a> {
     remarks: Remarks,
     signals: Option<&'a Signals>,
     bar: Mutex<Option<ProgressBar>>,
-    /// What is shown under all that is said, while something is recorded.
-    status: Mutex<Option<ProgressBar>>,
+    /// While something is recorded.
+    status: StatusLine,
     /// The note that is typed and not ended yet.
     typed: Arc<Mutex<String>>,
 }
@@ -30,8 +30,8 @@ impl<'a> Terminal<'a> {
 
     /// A signal ends the process: nothing is touched that could not be left at any time.
     pub fn unheard(remarks: Remarks) -> Self {
-        let (bar, status, typed) = Default::default();
-        Self { remarks, signals: None, bar, status, typed }
+        let (bar, typed) = Default::default();
+        Self { remarks, signals: None, bar, status: StatusLine::new(remarks), typed }
     }
 
     /// Where the note is that is typed and not ended yet, to be shown.
@@ -41,37 +41,17 @@ impl<'a> Terminal<'a> {
 
     /// Shows nothing more.
     pub fn clear(&self) {
-        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner).take();
-        status.iter().for_each(ProgressBar::finish_and_clear);
-    }
-
-    /// Says something above what is shown.
-    fn say(&self, text: &str) {
-        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*status {
-            Some(bar) => bar.suspend(|| self.remarks.say(text)),
-            None => self.remarks.say(text),
-        }
+        self.status.clear();
     }
 
     /// Shows how a recording goes.
     fn show(&self, now: &RecordingNow) {
-        if !self.remarks.shows_progress() {
-            return;
-        }
         let mut text = now.words();
         let note = self.typed.lock().unwrap_or_else(PoisonError::into_inner);
         if !note.is_empty() {
             text += &format!("\n  note: {note}");
         }
-        let mut status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
-        let bar = status.get_or_insert_with(|| {
-            let style = ProgressStyle::with_template("{msg}");
-            let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new_spinner().with_style(style)
-        });
-        bar.set_message(visible(&text).into_owned());
-        bar.tick();
+        self.status.show(&text);
     }
 
     /// Shows a bar until all steps are done.
@@ -94,19 +74,13 @@ impl<'a> Terminal<'a> {
     }
 }
 
-impl Drop for Terminal<'_> {
-    fn drop(&mut self) {
-        self.clear();
-    }
-}
-
 impl Observer for Terminal<'_> {
     fn hear(&self, event: Event<'_>) {
         match event {
-            Event::Note(text) => self.say(text),
+            Event::Note(text) => self.status.say(text),
             Event::Recording(now) => self.show(now),
             Event::Step { done, total, what } => self.step(done, total, what),
-            Event::Sensing(event) => self.say(&cues::of_event(event)),
+            Event::Sensing(event) => self.status.say(&cues::of_event(event)),
             _ => {}
         }
     }

@@ -1,5 +1,6 @@
 //! How sensors are heard now, for whoever looks on.
 
+use crate::error::counted;
 use crate::sensing::HeardSensor;
 use crate::time::Instant;
 use crate::view::session::SensorRow;
@@ -89,6 +90,21 @@ impl Rates {
     }
 }
 
+/// How sensors are heard while a robot has followed them for so long, in a line for a person.
+pub fn following(time: std::time::Duration, sensors: &[SensorNow]) -> String {
+    let slowest_hz = sensors.iter().map(|of| of.rate_hz).fold(f64::INFINITY, f64::min);
+    let missed: u64 = sensors.iter().map(|of| of.missed).sum();
+    let mut text = format!("{:.0} s", time.as_secs_f64());
+    if !sensors.is_empty() {
+        let of = counted(sensors.len(), "sensor");
+        text += &format!("; {of}, {slowest_hz:.0}/s or more, {missed} missing");
+    }
+    for sensor in sensors.iter().map(row).filter(|row| !row.silent.is_empty()) {
+        text += &format!("; {}: {}", sensor.name, sensor.silent);
+    }
+    text
+}
+
 /// What a page says of a sensor.
 pub(super) fn row(sensor: &SensorNow) -> SensorRow {
     let silent = match (&sensor.gone, sensor.silent_s) {
@@ -135,5 +151,7 @@ mod tests {
         assert_eq!(told[7], 50.0);
         let later = rates.of_all(heard(310, at(8)), at(12));
         assert_eq!(row(&later[0]).silent, "silent for 2 s");
+        let line = following(std::time::Duration::from_secs(7), &later);
+        assert_eq!(line, "7 s; 1 sensor, 21/s or more, 0 missing; head: silent for 2 s");
     }
 }

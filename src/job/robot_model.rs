@@ -1,8 +1,8 @@
 //! A robot file, or its body, from a public model.
 
-use crate::error::{Error, ErrorKind};
+use crate::error::{Error, ErrorKind, counted};
 use crate::robot::model::surface::Surface;
-use crate::robot::model::{self, DraftServo, Look, Provenance, PublicModel, Reduced};
+use crate::robot::model::{self, DraftServo, LinkMesh, Provenance, PublicModel, Reduced};
 use gaitway_profiles::{self as profiles, BaseKind};
 use serde::Serialize;
 use std::fs::File;
@@ -200,7 +200,7 @@ pub(in crate::job) fn bytes_of(path: &Path, most: u64) -> std::io::Result<Vec<u8
     let mut bytes = Vec::new();
     File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most {
-        return Err(std::io::Error::other(format!("more than {most} bytes")));
+        return Err(std::io::Error::other(format!("more than {}", counted(most, "byte"))));
     }
     Ok(bytes)
 }
@@ -261,7 +261,7 @@ fn find_looks(reduced: &mut Reduced, folder: &Path, file: &Path) {
     }
 }
 
-fn seen_from(beside: &Path, folder: &Path, look: &Look) -> Result<String, String> {
+fn seen_from(beside: &Path, folder: &Path, look: &LinkMesh) -> Result<String, String> {
     let path = mesh_path(folder, &look.file)?;
     let bytes = bytes_of(&path, MESH_BYTES_MAX).map_err(|cause| cause.to_string())?;
     let is_surface = Surface::read(&bytes).is_some_and(|surface| !surface.triangles.is_empty());

@@ -9,7 +9,7 @@ use super::page::live::DRAWN_FOR_M;
 use super::report::{Outcome, counted};
 use crate::body::{JointAngles, Proportions, SegmentPose};
 use crate::port::{Clock, MonotonicClock};
-use crate::sensing::SensingEvent;
+use crate::sensing::{Answer, Cue, Person, SensingEvent};
 use crate::time::{Duration, Instant};
 use crate::view::live::{LiveEvent, LiveFrame, LiveQuantity, LiveView};
 use crate::view::session::PersonNow;
@@ -47,7 +47,13 @@ struct Told {
     missed: Vec<u32>,
     /// Whether one of them was when it was looked at last.
     is_missing: Vec<bool>,
+    /// What whoever wears the sensors is asked to do.
+    asked: String,
 }
+
+/// Facts about what whoever wears the sensors is to do now, and after that.
+const TO_DO: &str = "to do";
+const THEN: &str = "then";
 
 impl Told {
     /// What else of whoever wears sensors is known.
@@ -62,6 +68,8 @@ impl Told {
         if let Ok(body) = Proportions::of_stature(DRAWN_FOR_M) {
             self.frame.persons = vec![PersonNow::of(&body, pose, sensors)];
         }
+        // Who is seen was calibrated: there is nothing more to do.
+        self.frame.facts.retain(|(name, _)| ![TO_DO, THEN].contains(name));
         self.frame.angles_rad = angles.0.iter().map(|rad| (rad * 1e4).round() / 1e4).collect();
         self.fact("age of the pose", format!("{:.0} ms", age_s * 1e3));
     }
@@ -78,6 +86,35 @@ impl Told {
             dropped => format!("; the disk was too slow for {}", counted(dropped, "message")),
         };
         self.fact("recorded", format!("{:.1}{of} s{lost}", now.time_s));
+    }
+
+    /// What a guide says; what of it happened, rather than is to be done.
+    fn led(&mut self, cue: &Cue<'_>) -> Option<SpanKind> {
+        let words = cues::of(cue).trim().to_owned();
+        match cue {
+            Cue::NPose | Cue::TPose | Cue::Move(_) => {
+                self.asked = cues::of(&Cue::Next(cue));
+                self.frame.facts.retain(|(name, _)| *name != THEN);
+                self.fact(TO_DO, self.asked.clone());
+            }
+            Cue::Next(_) => self.fact(THEN, words),
+            Cue::In(_)
+            | Cue::HoldStill(_)
+            | Cue::Ask(_)
+            | Cue::Unknown(_)
+            | Cue::Waiting { .. } => {
+                let now = [self.asked.as_str(), &words].into_iter().filter(|of| !of.is_empty());
+                self.fact(TO_DO, now.collect::<Vec<_>>().join(" \u{2013} "));
+            }
+            Cue::Good | Cue::OffTPose { .. } | Cue::Note(_) => return Some(SpanKind::Event),
+            Cue::Unused(_)
+            | Cue::Doubt(_)
+            | Cue::Old { .. }
+            | Cue::Again(_)
+            | Cue::Moved { .. }
+            | Cue::Unseen(_) => return Some(SpanKind::Doubt),
+        }
+        None
     }
 
     fn fact(&mut self, name: &'static str, words: String) {
@@ -232,12 +269,55 @@ impl<'a> Viewing<'a> {
         }
     }
 
+    /// A person, of whom it is seen as well what they are told.
+    #[must_use]
+    pub const fn of(&'a self, person: &'a dyn Person) -> Led<'a> {
+        Led { person, viewing: self }
+    }
+
     /// Tells whoever still looks how it ended, and why.
     pub fn ended(&self, outcome: Outcome, why: Option<&str>) {
         let Some(view) = self.view else { return };
         let kind = if outcome == Outcome::Done { SpanKind::Event } else { SpanKind::Wrong };
         let why = why.map_or_else(String::new, |why| format!(": {why}"));
         self.happened(view, kind, "end", &format!("{}{why}", outcome.word()));
+    }
+}
+
+/// Whoever wears sensors, and is guided while somebody looks on.
+pub struct Led<'a> {
+    person: &'a dyn Person,
+    viewing: &'a Viewing<'a>,
+}
+
+impl Person for Led<'_> {
+    fn tell(&self, cue: Cue<'_>) {
+        if let Some(view) = self.viewing.view
+            && let Some(kind) = self.viewing.change(view, |told| told.led(&cue))
+        {
+            self.viewing.happened(view, kind, "calibration", cues::of(&cue).trim());
+        }
+        self.person.tell(cue);
+    }
+
+    fn answer(&self) -> Option<Answer> {
+        self.person.answer()
+    }
+
+    fn can_answer(&self) -> bool {
+        self.person.can_answer()
+    }
+
+    fn wants_to_stop(&self) -> bool {
+        self.person.wants_to_stop()
+    }
+
+    fn wants_a_reset(&self) -> bool {
+        self.person.wants_a_reset()
+    }
+
+    fn agrees(&self) -> bool {
+        self.person.agrees()
     }
 }
 

@@ -36,7 +36,7 @@ pub struct PublicModel {
     /// What each link takes up, in its own axes.
     pub volumes: Vec<Vec<Volume>>,
     /// What each link looks like, in its own axes.
-    pub looks: Vec<Vec<Look>>,
+    pub looks: Vec<Vec<LinkMesh>>,
     /// Closed chains: what a tree cannot say, and was left open.
     pub loops: Vec<String>,
     /// What a person should know of how it was read.
@@ -60,7 +60,7 @@ pub struct MovingJoint {
 
 /// A mesh that a link looks like.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Look {
+pub struct LinkMesh {
     /// Its file, as the model calls it.
     pub file: String,
     /// What lengths in it are multiplied by, along its own axes.

@@ -2,7 +2,7 @@
 //! <https://mujoco.readthedocs.io/en/stable/XMLreference.html>.
 
 use super::xml::{child, children, number, numbers, place, vector, wrong};
-use super::{Look, Meshes, MovingJoint, PublicModel, meant, mesh, shown, some};
+use super::{LinkMesh, Meshes, MovingJoint, PublicModel, meant, mesh, shown, some};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
@@ -237,7 +237,7 @@ struct Reader<'a, 'i, 'm> {
     tree: Vec<TreeLink>,
     joints: Vec<MovingJoint>,
     volumes: Vec<Vec<Volume>>,
-    looks: Vec<Vec<Look>>,
+    looks: Vec<Vec<LinkMesh>>,
     unread: Vec<String>,
     weightless: Vec<String>,
 }
@@ -559,18 +559,18 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
     }
 
     /// The meshes that are only seen, or, of a body that has none, those that touch.
-    fn looks_like(&self, geoms: &[Geom]) -> Vec<Look> {
+    fn looks_like(&self, geoms: &[Geom]) -> Vec<LinkMesh> {
         let of = |visual: bool| {
             let of = geoms.iter().filter(move |geom| geom.visual == visual);
             of.filter_map(|geom| match &geom.form {
                 Form::Mesh(name) => {
                     let Asset { file, scale } = self.assets.get(name)?;
-                    Some(Look { file: file.clone(), scale: *scale, at: geom.at })
+                    Some(LinkMesh { file: file.clone(), scale: *scale, at: geom.at })
                 }
                 _ => None,
             })
         };
-        let seen: Vec<Look> = of(true).collect();
+        let seen: Vec<LinkMesh> = of(true).collect();
         if seen.is_empty() { of(false).collect() } else { seen }
     }
 

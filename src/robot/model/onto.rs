@@ -4,7 +4,7 @@
 //! is how a robot file has its origins. So neither the model's own frames nor the signs of its joints
 //! matter, only where the axes are.
 
-use super::{Look, MovingJoint, PublicModel, shown, some};
+use super::{LinkMesh, MovingJoint, PublicModel, shown, some};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{JointKind, Mass, Placement, Volume};
 use gaitway_profiles::{BaseKind, Robot};
@@ -52,7 +52,7 @@ pub struct ReducedLink {
     /// What it takes up.
     pub volumes: Vec<Volume>,
     /// What it looks like.
-    pub looks: Vec<Look>,
+    pub looks: Vec<LinkMesh>,
     /// Corners it stands on; none if it does not.
     pub sole_m: Vec<DVec3>,
 }
@@ -345,7 +345,9 @@ impl PublicModel {
             to.mass = to.mass.with(&link.mass.placed(placement));
             to.volumes.extend(self.volumes[index].iter().map(|volume| volume.placed(placement)));
             to.looks.extend(
-                self.looks[index].iter().map(|of| Look { at: placement.then(of.at), ..of.clone() }),
+                self.looks[index]
+                    .iter()
+                    .map(|of| LinkMesh { at: placement.then(of.at), ..of.clone() }),
             );
         }
         let is_taken = |joint: &&MovingJoint| owner(joint.link).is_none();

@@ -4,7 +4,7 @@
 
 use crate::rigid::Placement;
 use glam::{DVec3, IVec3};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{HashMap, HashSet};
 
 /// Most corners of a surface, and three times most of its triangles.
 const CORNERS_MAX: usize = 6_000_000;
@@ -61,14 +61,14 @@ impl Surface {
         let cell = |at: &DVec3| -> IVec3 {
             (at.clamp(DVec3::splat(-FAR_M), DVec3::splat(FAR_M)) / cell_m).floor().as_ivec3()
         };
-        let mut sums: BTreeMap<[i32; 3], (DVec3, f64)> = BTreeMap::new();
+        let mut sums: HashMap<[i32; 3], (DVec3, f64)> = HashMap::new();
         for point in &self.points_m {
             let (sum, count) = sums.entry(cell(point).to_array()).or_default();
             (*sum, *count) = (*sum + *point, *count + 1.0);
         }
         let mut found = Self::default();
-        let mut index_of: BTreeMap<[i32; 3], usize> = BTreeMap::new();
-        let mut known = BTreeSet::new();
+        let mut index_of: HashMap<[i32; 3], usize> = HashMap::new();
+        let mut known = HashSet::new();
         for triangle in &self.triangles {
             let cells = triangle.map(|corner| cell(&self.points_m[corner]).to_array());
             if cells[0] == cells[1] || cells[1] == cells[2] || cells[2] == cells[0] {
@@ -98,13 +98,13 @@ impl Surface {
 pub fn coarse(surfaces: &[Surface], size_m: f64, most: usize) -> Vec<Surface> {
     // What is the same corner to a tenth of a millimetre of half a metre is one from the first.
     let mut cell_m = size_m * 2e-4;
-    loop {
-        let found: Vec<Surface> = surfaces.iter().map(|one| one.coarser(cell_m)).collect();
-        if found.iter().map(|one| one.triangles.len()).sum::<usize>() <= most {
-            return found;
-        }
+    let mut found: Vec<Surface> = surfaces.iter().map(|one| one.coarser(cell_m)).collect();
+    while found.iter().map(|one| one.triangles.len()).sum::<usize>() > most {
         cell_m *= 1.3;
+        // Of what is coarse already: millions of triangles are looked at once.
+        found.iter_mut().for_each(|one| *one = one.coarser(cell_m));
     }
+    found
 }
 
 /// Binary STL: 80 bytes, a count, then 50 bytes a triangle, of which 12 are its normal.

@@ -2,7 +2,7 @@
 //! <https://wiki.ros.org/urdf/XML>.
 
 use super::xml::{child, children, number, place, vector, wrong};
-use super::{Look, Meshes, MovingJoint, PublicModel, meant, mesh, shown};
+use super::{LinkMesh, Meshes, MovingJoint, PublicModel, meant, mesh, shown};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{Capsule, Coupling, Cuboid, JointKind, Mass, Placement, Tree, TreeLink, Volume};
 use gaitway_profiles::BaseKind;
@@ -303,13 +303,13 @@ fn take_up(
 }
 
 /// The meshes of the link's visual elements.
-fn looks_like(link: Node<'_, '_>) -> Result<Vec<Look>, Error> {
+fn looks_like(link: Node<'_, '_>) -> Result<Vec<LinkMesh>, Error> {
     let mut found = Vec::new();
     for visual in children(link, "visual") {
         let mesh = child(visual, "geometry").and_then(|geometry| child(geometry, "mesh"));
         let Some(mesh) = mesh else { continue };
         let file = named(mesh, "filename")?.to_owned();
-        found.push(Look { file, scale: scale(mesh)?, at: origin(visual)? });
+        found.push(LinkMesh { file, scale: scale(mesh)?, at: origin(visual)? });
     }
     Ok(found)
 }

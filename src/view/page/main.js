@@ -363,6 +363,8 @@ if (isLive) {
     stop.disabled = what !== "on";
     if (stage) { state.textContent = words; state.hidden = !words; }
   };
+  // What whoever wears sensors is to do is read from afar.
+  const asked = told => (told.facts || []).find(([name]) => name === "to do")?.[1];
   const nobody = () => (robot || !person || person.clock.count ? "" : "Nobody is drawn before the sensors are calibrated.");
   tell("waiting", session || !robot ? "Nothing is told yet." : "Nothing moves yet.");
   source.addEventListener("message", event => {
@@ -374,7 +376,8 @@ if (isLive) {
     if (joints && told.goal_rad.length && taken(joints, told)) learn();
     const isNew = ticking.take(told.time_s);
     if (ticking.runs > happened.runs) { happened.runs = ticking.runs; beginAnew(); }
-    tell("on", nobody());
+    state.classList.toggle("asked", !!asked(told));
+    tell("on", asked(told) ?? nobody());
     if (!isNew || editing) return;
     duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
     view.duration = duration; headInput.max = duration;
