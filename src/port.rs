@@ -10,6 +10,7 @@ pub mod inventory;
 pub mod patient;
 pub mod serial;
 pub mod sim;
+pub mod slcan;
 pub mod tcp;
 
 use crate::time::Instant;
@@ -96,6 +97,12 @@ pub trait FramePort: Send {
 
     /// How often the send queue was found full. Each time the port waited and tried again.
     fn full_queue_count(&self) -> u64;
+
+    /// Lines of text of an adapter that meant nothing: bytes were lost on the way. Where frames do not travel as
+    /// text there are none.
+    fn garbled_count(&self) -> u64 {
+        0
+    }
 }
 
 /// What comes from a CAN line.

@@ -9,6 +9,7 @@ mod identify;
 mod own_profiles;
 mod same_device;
 mod serial_line;
+mod slcan;
 mod virtual_robot;
 mod wire;
 

@@ -277,7 +277,7 @@ fn what_is_mistyped_is_told_by_its_part() {
         (&["scan", "serial:/dev/ttyUSB0?bud=9600"], &["write ?baud=N"]),
         (&["scan", "serial:/dev/ttyUSB0?baud=abc"], &["write ?baud=N"]),
         (&["scan", "tcp:127.0.0.1"], &["tcp:HOST:PORT"]),
-        (&["scan", "slcan:/dev/ttyACM0"], &["slcand"]),
+        (&["scan", "slcan:/dev/ttyACM0"], &["write can:slcan:/dev/ttyACM0"]),
         (&["scan", &format!("serial:{table}")], &["it is no terminal"]),
     ] {
         let output = run(arguments);

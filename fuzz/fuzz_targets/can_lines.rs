@@ -1,9 +1,10 @@
 //! Any frame to every decoder of a CAN dialect and to virtual actuators of every family; any bytes
-//! to an adapter that speaks slcan. No panic, numbers finite, and an adapter that says and hears the
-//! same however its bytes are cut.
+//! to an adapter that speaks slcan, and from one to the driver. No panic, numbers finite, an adapter that
+//! says and hears the same however its bytes are cut, and two codecs that read what the other writes.
 
 #![no_main]
 
+use gaitway::wire::can::slcan::{self, SlcanReader, SlcanSaid};
 use gaitway::wire::can::{
     CanFrame, CanId, Format, cubemars, damiao, error_frame, moteus, odrive, recoil, robstride,
 };
@@ -120,6 +121,29 @@ fn adapter(bytes: &[u8], portion: usize) -> (Vec<u8>, Vec<sim::CanFrame>) {
     (said, sent)
 }
 
+/// What the driver makes of an adapter's bytes, and of these frames by way of an adapter that is not its own.
+fn driver(bytes: &[u8], frames: &[CanFrame]) {
+    let mut reader = SlcanReader::default();
+    let said = bytes.iter().filter(|&&byte| reader.next(byte).is_some()).count();
+    assert!(said + reader.garbled() as usize <= 2 * bytes.len());
+    for frame in frames {
+        let mut text = Vec::new();
+        slcan::write_frame(frame, &mut text);
+        let mut adapter = Adapter::new(CanOptions::default());
+        adapter.hear(b"S8\rO\r", |_| true);
+        let mut sent = None;
+        adapter.hear(&text, |frame| {
+            sent = Some(frame);
+            true
+        });
+        assert_eq!(sent, Some(to_sim(frame)));
+        let told = adapter.tell(&CanHeard::Frame(to_sim(frame)), 0);
+        let mut reader = SlcanReader::default();
+        let said: Vec<SlcanSaid> = told.iter().filter_map(|&byte| reader.next(byte)).collect();
+        assert_eq!(said, [SlcanSaid::Frame(*frame)]);
+    }
+}
+
 // The first byte is the family, or the portion in which an adapter's bytes come; frames of an
 // actuator are cut from the rest, up to 13 bytes each.
 fuzz_target!(|input: &[u8]| {
@@ -130,6 +154,8 @@ fuzz_target!(|input: &[u8]| {
     long.iter().for_each(decoders);
     let short: Vec<CanFrame> = rest.chunks(13).filter_map(frame).collect();
     short.iter().for_each(decoders);
+    driver(rest, &short);
+    driver(rest, long.as_slice());
     let model = MODELS[usize::from(*first) % MODELS.len()];
     actuator(model, &short);
     actuator(model, long.as_slice());

@@ -54,6 +54,8 @@ pub struct CanStats {
     pub busy_s: f64,
     /// How often the send queue was found full, and waited for.
     pub full_queue: u64,
+    /// Lines of text of a serial adapter that meant nothing: bytes of it were lost.
+    pub garbled: u64,
     /// Reports of the line: nobody acknowledged.
     pub no_ack: u64,
     /// Reports: so many errors that the controller may not speak up any more.
@@ -94,7 +96,8 @@ impl CanBus {
     /// What happened so far.
     #[must_use]
     pub fn stats(&self) -> CanStats {
-        CanStats { full_queue: self.port.full_queue_count(), ..self.stats }
+        let (full_queue, garbled) = (self.port.full_queue_count(), self.port.garbled_count());
+        CanStats { full_queue, garbled, ..self.stats }
     }
 
     /// The last thing the line reported of itself.
@@ -279,12 +282,14 @@ impl CanBus {
     /// What the line reported of itself, in words for a person; none if nothing.
     #[must_use]
     pub fn troubles(&self) -> Option<String> {
-        let CanStats { no_ack, passive, overflow, other_reports, full_queue, .. } = self.stats();
+        let stats = self.stats();
+        let CanStats { no_ack, passive, overflow, other_reports, full_queue, .. } = stats;
         let counts = [
             (full_queue, "send queue full, and waited for"),
             (passive, "error passive"),
             (no_ack, "no acknowledgement"),
             (overflow, "frames lost in the controller"),
+            (stats.garbled, "damaged lines of the adapter"),
             (other_reports, "other errors"),
         ];
         let said = counts.iter().filter(|(count, _)| *count > 0);

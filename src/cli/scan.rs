@@ -19,13 +19,14 @@ use std::fmt::Write;
 #[derive(Debug, Args)]
 #[command(after_help = include_str!("help/scan.txt"))]
 pub struct ScanArgs {
-    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE, sim or sim:pty
+    /// Where the line is: serial:PATH[?baud=N], tcp:HOST:PORT, can:INTERFACE,
+    /// can:slcan:PATH[?bitrate=N], sim or sim:pty
     bus: Address,
     /// Ask in this protocol only [default: all]
     #[arg(long, value_enum)]
     protocol: Option<ProtocolName>,
     /// Line speed, bits per second, or `all`: every speed of every known servo. Of serial lines: the
-    /// speed of a CAN interface is set with `ip link`
+    /// speed of a CAN interface is set with `ip link`, that of an slcan adapter stands in its address
     #[arg(long, value_name = "BPS|all", value_parser = baud)]
     baud: Option<Speeds>,
     /// Wait at least so long for each answer, on serial lines: behind adapters and networks that are slow

@@ -167,12 +167,8 @@ fn slcan_finding(port: &SerialPort) -> Option<Finding> {
     is_can.then(|| {
         Finding::advice(
             &port.path,
-            "a USB-CAN adapter that speaks slcan: it becomes a CAN interface by slcand",
-            format!(
-                "sudo slcand -o -c -s8 {} can0 && sudo ip link set can0 up (-s8: 1 Mbit/s; from \
-                 can-utils)",
-                port.path
-            ),
+            "a USB-CAN adapter that speaks slcan",
+            format!("--bus can:slcan:{} reaches the CAN line behind it", port.path),
         )
     })
 }

@@ -32,6 +32,15 @@ pub enum BusKind {
         /// Its name, e.g. `can0`.
         interface: String,
     },
+    /// A CAN line behind an adapter that speaks slcan on a serial line, with what the user said of its speeds.
+    Slcan {
+        /// Where the adapter is: a serial port, or what is behind a TCP port.
+        adapter: Box<Self>,
+        /// Bit rate of the CAN line, bit/s; absent: the robot file's.
+        bitrate_bps: Option<u32>,
+        /// Bit rate of fast payloads (CAN FD), bit/s; absent: the robot file's.
+        data_bitrate_bps: Option<u32>,
+    },
     /// A serial line behind a TCP port.
     Tcp {
         /// `host:port`.
@@ -48,24 +57,24 @@ impl BusKind {
         matches!(self, Self::Sim | Self::SimPty)
     }
 
-    /// True for a CAN interface.
+    /// True for a CAN line: an interface, or an adapter on a serial line.
     #[must_use]
     pub const fn is_can(&self) -> bool {
-        matches!(self, Self::Can { .. })
+        matches!(self, Self::Can { .. } | Self::Slcan { .. })
     }
 
-    /// The line speed the user gave, bits per second.
+    /// The speed of a serial line that the user gave, bits per second.
     #[must_use]
     pub const fn baud_bps(&self) -> Option<u32> {
         match self {
-            Self::Sim | Self::SimPty | Self::Can { .. } => None,
+            Self::Sim | Self::SimPty | Self::Can { .. } | Self::Slcan { .. } => None,
             Self::Serial { baud_bps, .. } | Self::Tcp { baud_bps, .. } => *baud_bps,
         }
     }
 }
 
 const ALLOWED: &str = "sim, sim:pty, serial:/dev/ttyUSB0, serial:/dev/ttyUSB0?baud=1000000, \
-                       tcp:host:port or can:can0, each with LINE= before it if the robot has several lines";
+                       tcp:host:port, can:can0 or can:slcan:/dev/ttyACM0, each with LINE= before it if the robot has several lines";
 
 impl FromStr for Address {
     type Err = Error;
@@ -91,8 +100,9 @@ impl FromStr for Address {
                 let bare = bus.starts_with(['/', '.']).then_some(bus);
                 let serial = bus.strip_prefix("serial:").or(bare).and_then(serial_bus);
                 let tcp = || bus.strip_prefix("tcp:").and_then(tcp_bus);
+                let slcan = || bus.strip_prefix("can:slcan:").and_then(slcan_bus);
                 let can = || bus.strip_prefix("can:").and_then(can_bus);
-                serial.or_else(tcp).or_else(can).ok_or_else(unknown)?
+                serial.or_else(tcp).or_else(slcan).or_else(can).ok_or_else(unknown)?
             }
         };
         if line.as_deref() == Some("") {
@@ -119,6 +129,23 @@ impl fmt::Display for BusKind {
             Self::Serial { path, .. } => write!(f, "serial:{path}"),
             Self::Can { interface } => write!(f, "can:{interface}"),
             Self::Tcp { place, .. } => write!(f, "tcp:{place}"),
+            Self::Slcan { adapter, bitrate_bps, data_bitrate_bps } => {
+                write!(f, "can:slcan:")?;
+                match &**adapter {
+                    Self::Tcp { place, .. } => write!(f, "tcp:{place}"),
+                    Self::Serial { path, .. } => f.write_str(path),
+                    _ => Ok(()),
+                }?;
+                let said = [
+                    ("bitrate", *bitrate_bps),
+                    ("dbitrate", *data_bitrate_bps),
+                    ("baud", adapter.baud_bps()),
+                ];
+                let said = said.iter().filter_map(|(key, bps)| Some((key, (*bps)?)));
+                return said
+                    .zip(std::iter::once('?').chain(std::iter::repeat('&')))
+                    .try_for_each(|((key, bps), before)| write!(f, "{before}{key}={bps}"));
+            }
         }?;
         self.baud_bps().map_or(Ok(()), |baud_bps| write!(f, "?baud={baud_bps}"))
     }
@@ -131,12 +158,37 @@ fn can_bus(name: &str) -> Option<BusKind> {
     usable.then(|| BusKind::Can { interface: name.to_owned() })
 }
 
+/// `PLACE?bitrate=N&dbitrate=N&baud=N`: PLACE is a path or `tcp:HOST:PORT`, of the rest any or none.
+fn slcan_bus(text: &str) -> Option<BusKind> {
+    let (place, query) = text.split_once('?').map_or((text, None), |(at, of)| (at, Some(of)));
+    let (mut bitrate_bps, mut data_bitrate_bps, mut baud) = (None, None, None);
+    for part in query.into_iter().flat_map(|query| query.split('&')) {
+        let (key, number) = part.split_once('=')?;
+        let number: u32 = number.parse().ok().filter(|&bps| bps > 0)?;
+        let known = match key {
+            "bitrate" => &mut bitrate_bps,
+            "dbitrate" => &mut data_bitrate_bps,
+            "baud" => &mut baud,
+            _ => return None,
+        };
+        if known.replace(number).is_some() {
+            return None;
+        }
+    }
+    let baud = baud.map_or_else(String::new, |baud| format!("?baud={baud}"));
+    let adapter = match place.strip_prefix("tcp:") {
+        Some(place) => tcp_bus(&format!("{place}{baud}"))?,
+        None => serial_bus(&format!("{}{baud}", place.strip_prefix("serial:").unwrap_or(place)))?,
+    };
+    Some(BusKind::Slcan { adapter: Box::new(adapter), bitrate_bps, data_bitrate_bps })
+}
+
 /// What to do about an address of which one part is wrong.
 fn wrong_part(text: &str) -> Option<&'static str> {
     if text.contains("slcan:") {
         return Some(
-            "slcand makes a CAN interface of an slcan adapter: sudo slcand -o -s8 /dev/ttyACM0 can0, sudo ip link \
-             set can0 up, then can:can0",
+            "write can:slcan:/dev/ttyACM0, behind it if needed ?bitrate=N (bit/s of the CAN line), dbitrate=N (of \
+             fast payloads) or baud=N (of the serial line), with & between them",
         );
     }
     let (place, query) = text.split_once('?').map_or((text, None), |(at, of)| (at, Some(of)));
@@ -188,6 +240,11 @@ mod tests {
         BusKind::Tcp { place: place.to_owned(), baud_bps }
     }
 
+    fn slcan(adapter: BusKind, bitrate: Option<u32>, data_bitrate: Option<u32>) -> BusKind {
+        let adapter = Box::new(adapter);
+        BusKind::Slcan { adapter, bitrate_bps: bitrate, data_bitrate_bps: data_bitrate }
+    }
+
     #[test]
     fn every_form_of_the_manual_is_read() {
         for (text, line, bus) in [
@@ -208,6 +265,18 @@ mod tests {
             ("legs=tcp:10.0.0.2:4000", Some("legs"), tcp("10.0.0.2:4000", None)),
             ("can:can0", None, BusKind::Can { interface: "can0".to_owned() }),
             ("legs=can:vcan1", Some("legs"), BusKind::Can { interface: "vcan1".to_owned() }),
+            ("can:slcan", None, BusKind::Can { interface: "slcan".to_owned() }),
+            ("can:slcan:/dev/ttyACM0", None, slcan(serial("/dev/ttyACM0", None), None, None)),
+            (
+                "legs=can:slcan:/dev/a?bitrate=500000&dbitrate=2000000&baud=115200",
+                Some("legs"),
+                slcan(serial("/dev/a", Some(115_200)), Some(500_000), Some(2_000_000)),
+            ),
+            (
+                "can:slcan:tcp:10.0.0.2:4000?bitrate=250000",
+                None,
+                slcan(tcp("10.0.0.2:4000", None), Some(250_000), None),
+            ),
         ] {
             let address: Address = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
             let again: Address = address.to_string().parse().expect("what it prints is read");
@@ -219,6 +288,12 @@ mod tests {
     #[test]
     fn anything_else_is_refused_with_the_allowed_forms() {
         for text in [
+            "can:slcan:",
+            "can:slcan:/dev/a?bitrate=0",
+            "can:slcan:/dev/a?speed=8",
+            "can:slcan:/dev/a?bitrate=1&bitrate=2",
+            "can:slcan:tcp:host",
+            "slcan:/dev/a",
             "",
             "simm",
             "serial:",

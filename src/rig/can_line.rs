@@ -3,8 +3,9 @@
 use super::address::{Address, BusKind};
 use super::connect::Connection;
 use super::serial_line::{PATIENCE, RETRIES, line_of};
+use super::slcan::{frames_at, not_can, speed_at};
 use super::virtual_robot::{live_line, world};
-use super::wire::{CAN_LATENCY, UNKNOWN_LATENCY, interface_at, wrong_kind};
+use super::wire::{UNKNOWN_LATENCY, wrong_kind};
 use crate::bus::can::{CanBus, CanTiming};
 use crate::error::Error;
 use crate::port::can;
@@ -38,7 +39,8 @@ pub struct OpenCanLine {
     /// The virtual robot of this process, if it is one.
     pub world: Option<SharedWorld>,
     patience: Option<PatientClock>,
-    interface: Option<String>,
+    /// Where it can be opened again, if it is a real one.
+    place: Option<BusKind>,
 }
 
 /// True if the line at `address` is a CAN line: an interface, or that of a virtual robot.
@@ -47,7 +49,7 @@ pub struct OpenCanLine {
 /// An unknown robot, or one with several lines of which none is named.
 pub fn is_can(address: &Address, robot: Option<&str>) -> Result<bool, Error> {
     match (&address.bus, robot) {
-        (BusKind::Can { .. }, _) => Ok(true),
+        (bus, _) if bus.is_can() => Ok(true),
         (BusKind::Sim | BusKind::SimPty, Some(name)) => {
             let robot = Robot::load(name)?;
             let line = line_of(&robot, address)?;
@@ -93,35 +95,37 @@ pub fn open_can(address: &Address, robot: Option<&str>, seed: u64) -> Result<Ope
                 robot,
                 world: Some(world),
                 patience,
-                interface: None,
+                place: None,
             })
         }
-        (BusKind::Can { interface }, _, said) => {
-            let found = can::state(interface).ok();
-            let fd = found.is_some_and(|found| found.fd);
-            let own = |bps: Option<u32>, usual| bps.unwrap_or(usual);
-            let speed = said.unwrap_or_else(|| CanSpeed {
-                bitrate_bps: own(found.and_then(|f| f.bitrate_bps), USUAL_BITRATE_BPS),
-                data_bitrate_bps: fd
-                    .then(|| own(found.and_then(|f| f.data_bitrate_bps), USUAL_DATA_BITRATE_BPS)),
-                host_id: USUAL_HOST,
-            });
+        (bus, _, said) if bus.is_can() => {
+            let known = said.unwrap_or_else(|| usual_speed(bus));
+            let speed = speed_at(bus, known);
+            let fd = match bus {
+                BusKind::Can { interface } => can::state(interface).is_ok_and(|found| found.fd),
+                _ => speed.data_bitrate_bps.is_some(),
+            };
             let clock: Arc<dyn Clock> = Arc::new(MonotonicClock);
-            let bus = bus_of(interface_at(interface, speed)?, &clock, speed, CAN_LATENCY);
-            Ok(OpenCanLine {
-                bus,
-                clock,
-                speed,
-                fd,
-                robot,
-                world: None,
-                patience: None,
-                interface: Some(interface.clone()),
-            })
+            let (port, latency) = frames_at(bus, speed)?;
+            let bus = bus_of(port, &clock, speed, latency);
+            let place = Some(address.bus.clone());
+            Ok(OpenCanLine { bus, clock, speed, fd, robot, world: None, patience: None, place })
         }
-        _ => Err(Error::new("not a CAN line")
-            .at(address.to_string())
-            .allowed("can:can0, or sim and sim:pty with --robot")),
+        _ => Err(not_can(&address.bus)),
+    }
+}
+
+/// The speeds that an interface of the system has; of those that have none, and of adapters, the usual ones.
+fn usual_speed(bus: &BusKind) -> CanSpeed {
+    let usual =
+        CanSpeed { bitrate_bps: USUAL_BITRATE_BPS, data_bitrate_bps: None, host_id: USUAL_HOST };
+    let BusKind::Can { interface } = bus else { return usual };
+    let Ok(found) = can::state(interface) else { return usual };
+    let data_bps = found.data_bitrate_bps.unwrap_or(USUAL_DATA_BITRATE_BPS);
+    CanSpeed {
+        bitrate_bps: found.bitrate_bps.unwrap_or(USUAL_BITRATE_BPS),
+        data_bitrate_bps: found.fd.then_some(data_bps),
+        ..usual
     }
 }
 
@@ -181,11 +185,11 @@ impl OpenCanLine {
     /// # Errors
     /// An interface that cannot be opened again.
     pub fn into_link(self, robot: Robot) -> Result<Connection, Error> {
-        let Self { bus, clock, speed, robot: whole, world, patience, interface, .. } = self;
+        let Self { bus, clock, speed, robot: whole, world, patience, place, .. } = self;
         drop(bus);
         let line = whole.map(|(_, line)| line);
-        let (port, latency) = match (interface, &world, line) {
-            (Some(interface), _, _) => (interface_at(&interface, speed)?, CAN_LATENCY),
+        let (port, latency) = match (place, &world, line) {
+            (Some(place), _, _) => frames_at(&place, speed)?,
             (None, Some(world), Some(line)) => virtual_port(world, line, patience.as_ref())?,
             _ => return Err(Error::new("the line cannot be opened again")),
         };

@@ -1,8 +1,9 @@
 //! From `--bus` values to a robot whose lines are open.
 
 use super::address::{Address, BusKind};
+use super::slcan::{frames_at, speed_at};
 use super::virtual_robot::{VirtualTerminal, live_line, virtual_port, world};
-use super::wire::{CAN_LATENCY, UNKNOWN_LATENCY, echoes, interface_at, wire, wrong_kind};
+use super::wire::{UNKNOWN_LATENCY, echoes, wire, wrong_kind};
 use crate::error::{Error, ErrorKind};
 use crate::port::patient::PatientClock;
 use crate::port::sim::{SharedWorld, VirtualClock};
@@ -51,9 +52,10 @@ pub fn connect(robot: Robot, addresses: &[Address], seed: u64) -> Result<Connect
     match &by_line[0] {
         BusKind::Sim => in_virtual_time(robot, seed),
         BusKind::SimPty => behind_terminals(robot, seed),
-        BusKind::Serial { .. } | BusKind::Tcp { .. } | BusKind::Can { .. } => {
-            over_wires(robot, &by_line)
-        }
+        BusKind::Serial { .. }
+        | BusKind::Tcp { .. }
+        | BusKind::Can { .. }
+        | BusKind::Slcan { .. } => over_wires(robot, &by_line),
     }
 }
 
@@ -154,8 +156,10 @@ fn over_wires(mut robot: Robot, by_line: &[BusKind]) -> Result<Connection, Error
     let mut ports: Vec<(LinePort, Duration)> = Vec::new();
     for (line, bus) in robot.lines.iter_mut().zip(by_line) {
         ports.push(match (&mut line.kind, bus) {
-            (LineKind::Can(speed), BusKind::Can { interface }) => {
-                (interface_at(interface, *speed)?.into(), CAN_LATENCY)
+            (LineKind::Can(speed), bus) if bus.is_can() => {
+                *speed = speed_at(bus, *speed);
+                let (port, latency) = frames_at(bus, *speed)?;
+                (port.into(), latency)
             }
             (LineKind::Serial { baud_bps }, bus) if !bus.is_can() => {
                 *baud_bps = bus.baud_bps().unwrap_or(*baud_bps);

@@ -19,7 +19,7 @@ const NETWORK_LATENCY: Duration = Duration::from_millis(20);
 
 pub(super) fn wrong_kind(line: &str, kind: LineKind, bus: &BusKind) -> Error {
     let allowed = match kind {
-        LineKind::Can(_) => "a CAN interface, e.g. can:can0",
+        LineKind::Can(_) => "a CAN line, e.g. can:can0 or can:slcan:/dev/ttyACM0",
         LineKind::Serial { .. } => "a serial line, e.g. serial:/dev/ttyUSB0 or tcp:host:port",
     };
     Error::new("the line is of another kind than the bus")
@@ -111,9 +111,11 @@ pub(super) fn wire(bus: &BusKind, baud_bps: u32) -> Result<(Box<dyn BytePort>, D
             let latency = SerialLine::latency_timer_s(path).filter(|s| (0.0..1.0).contains(s));
             Ok((Box::new(port), latency.map_or(UNKNOWN_LATENCY, Duration::from_secs_f64)))
         }
-        BusKind::Can { interface } => Err(Error::new("a CAN interface is not a serial line")
-            .at(format!("can:{interface}"))
-            .allowed("serial:/dev/ttyUSB0 or tcp:host:port")),
+        BusKind::Can { .. } | BusKind::Slcan { .. } => {
+            Err(Error::new("a CAN line is not a serial line")
+                .at(bus.to_string())
+                .allowed("serial:/dev/ttyUSB0 or tcp:host:port"))
+        }
         BusKind::Sim | BusKind::SimPty => Err(Error::new("a virtual robot has no real line")),
     }
 }

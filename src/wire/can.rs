@@ -11,6 +11,7 @@
 //! | [`moteus`] | mjbots moteus, CAN FD |
 //! | [`recoil`] | Recoil, of Berkeley Humanoid Lite |
 //! | [`error_frame`] | what the line itself reports through Linux |
+//! | [`slcan`] | none: frames as text, to and from an adapter on a serial line |
 //!
 //! Encoders cannot fail where types can see to it. Decoders are total: any frame gives a value or
 //! `None`, which means that the frame is another device's, another message, or too short to be
@@ -43,6 +44,7 @@ pub mod odrive;
 mod properties;
 pub mod recoil;
 pub mod robstride;
+pub mod slcan;
 
 use std::fmt;
 

@@ -15,10 +15,13 @@ use std::fmt::Write;
 /// A line that cannot be opened or fails, a protocol that is none of CAN lines.
 pub fn run(args: &ScanArgs, remarks: Remarks) -> Result<i32, Error> {
     if args.baud.is_some() {
-        return Err(Error::new("the speed of a CAN line is set outside of gaitway")
+        return Err(Error::new("the speed of a CAN line is the interface's, or stands in its address")
             .at("--baud")
             .allowed("no --baud on a CAN line")
-            .remedy("ip link set can0 down; ip link set can0 up type can bitrate 500000"));
+            .remedy(
+                "ip link set can0 down; ip link set can0 up type can bitrate 500000. Of an slcan adapter: \
+                 can:slcan:/dev/ttyACM0?bitrate=500000",
+            ));
     }
     if args.timeout.is_some() {
         return Err(Error::new("this option is for serial lines").at("--timeout"));

@@ -335,7 +335,7 @@ fn change(
             BusKind::Serial { baud_bps, .. } | BusKind::Tcp { baud_bps, .. } => {
                 *baud_bps = Some(bps);
             }
-            BusKind::Sim | BusKind::SimPty | BusKind::Can { .. } => {}
+            BusKind::Sim | BusKind::SimPty | BusKind::Can { .. } | BusKind::Slcan { .. } => {}
         }
         bus
     };

@@ -13,20 +13,22 @@ pub struct ErrorFrame {
 }
 
 const TX_TIMEOUT: u32 = 1;
-const LOST_ARBITRATION: u32 = 1 << 1;
-const CONTROLLER: u32 = 1 << 2;
-const PROTOCOL: u32 = 1 << 3;
+pub(super) const LOST_ARBITRATION: u32 = 1 << 1;
+pub(super) const CONTROLLER: u32 = 1 << 2;
+pub(super) const PROTOCOL: u32 = 1 << 3;
 const TRANSCEIVER: u32 = 1 << 4;
-const NO_ACK: u32 = 1 << 5;
-const BUS_OFF: u32 = 1 << 6;
-const BUS_ERROR: u32 = 1 << 7;
+pub(super) const NO_ACK: u32 = 1 << 5;
+pub(super) const BUS_OFF: u32 = 1 << 6;
+pub(super) const BUS_ERROR: u32 = 1 << 7;
 const RESTARTED: u32 = 1 << 8;
-const COUNTERS: u32 = 1 << 9;
+pub(super) const COUNTERS: u32 = 1 << 9;
 
-const OVERFLOW: u8 = 0b11;
-const WARNING: u8 = 0b1100;
-const PASSIVE: u8 = 0b11_0000;
-const ACTIVE: u8 = 0b100_0000;
+pub(super) const RECEIVE_OVERFLOW: u8 = 0b1;
+pub(super) const SEND_OVERFLOW: u8 = 0b10;
+const OVERFLOW: u8 = RECEIVE_OVERFLOW | SEND_OVERFLOW;
+pub(super) const WARNING: u8 = 0b1100;
+pub(super) const PASSIVE: u8 = 0b11_0000;
+pub(super) const ACTIVE: u8 = 0b100_0000;
 
 impl ErrorFrame {
     /// From the bits of its identifier (without the error flag) and its bytes. Bits nobody has
