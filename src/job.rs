@@ -70,6 +70,7 @@ pub mod synth;
 pub mod table_text;
 pub mod taught;
 pub mod viewing;
+pub mod vmc;
 pub mod weight;
 
 pub use crate::control::net;

@@ -9,6 +9,7 @@ use super::{Deed, Output, Remarks, play};
 use crate::error::Error;
 use crate::job::live::{LiveOrder, When, live};
 use crate::job::page::live::Shows;
+use crate::job::vmc::Avatar;
 use crate::rig::Address;
 use crate::time::{Duration, listening_time};
 use crate::view::live::LiveView;
@@ -71,6 +72,10 @@ pub struct LiveArgs {
     despite_swaps: bool,
     #[command(flatten)]
     view: ViewArg,
+    /// Show whoever wears the sensors to a program that draws avatars: the Virtual Motion Capture protocol (VMC), to this
+    /// address, usually 127.0.0.1:39539
+    #[arg(long, value_name = "HOST:PORT")]
+    vmc: Option<String>,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -115,6 +120,12 @@ impl LiveArgs {
         };
         // A motion that is performed has no sensors.
         let is_heard = self.from.iter().all(|from| !from.starts_with("file:"));
+        if self.vmc.is_some() && !is_heard {
+            return Err(Error::new("whoever wears sensors is shown, and this is a motion")
+                .at("--vmc")
+                .got(self.order().motion())
+                .allowed("sensors, or replay:FILE.mcap"));
+        }
         let shows = Shows { sensors: is_heard, person: is_heard };
         self.view.open(self.robot.as_deref(), &self.bus, &what, shows)
     }
@@ -138,20 +149,20 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     args.check_read_files()?;
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
     let order = args.order();
-    let report = match args.output.check_files(&[&args.record]).and_then(|()| args.view()) {
-        Ok(view) => {
-            let operator = Operator::listen(signals.clone(), remarks);
-            let viewing = Viewing::new(&operator, view.as_ref());
-            let report = live(&order, &viewing, &viewing.of(&operator));
-            viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
-            report
-        }
-        Err(error) => {
-            let mut report = order.report();
-            report.run.describe_refused(&error);
-            report
-        }
+    let followed = |view: Option<LiveView>| {
+        let operator = Operator::listen(signals.clone(), remarks);
+        let avatar = Avatar::new(&operator, args.vmc.as_deref())?;
+        let viewing = Viewing::new(&avatar, view.as_ref());
+        let report = live(&order, &viewing, &viewing.of(&operator));
+        viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
+        Ok(report)
     };
+    let checked = args.output.check_files(&[&args.record]);
+    let report = checked.and_then(|()| args.view()).and_then(followed).unwrap_or_else(|error| {
+        let mut report = order.report();
+        report.run.describe_refused(&error);
+        report
+    });
     let code = report.run.exit_code(signals.first());
     let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
     Ok(args.output.conclude(&report, &report.text(remarks.quiet), deed, code))

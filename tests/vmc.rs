@@ -1,0 +1,287 @@
+//! Whoever wears sensors, as programs that draw avatars receive it: bundles of OSC by the Virtual Motion Capture protocol,
+//! read here and by python-osc.
+
+mod aloud;
+mod program;
+#[allow(dead_code)] // the environment of all others is not needed here
+mod python;
+
+use aloud::aloud;
+use gaitway::body::worn::check::t_pose;
+use gaitway::body::{Dof, JointAngles};
+use gaitway::job::observer::{Event, Nobody, Observer as _};
+use gaitway::job::vmc::Avatar;
+use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::io::{BufRead as _, BufReader};
+use std::net::UdpSocket;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Time in which what must happen has happened, however busy the machine is.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What a message says.
+#[derive(Clone, Debug, PartialEq)]
+enum Said {
+    Int(i32),
+    Float(f32),
+    Text(String),
+}
+
+/// A text, and what comes after it and its zeros.
+fn text(bytes: &[u8]) -> (String, &[u8]) {
+    let end = bytes.iter().position(|&byte| byte == 0).expect("a zero");
+    let filled = (end / 4 + 1) * 4;
+    assert!(bytes[end..filled].iter().all(|&byte| byte == 0), "filled with zeros");
+    (String::from_utf8(bytes[..end].to_vec()).expect("text"), &bytes[filled..])
+}
+
+/// The messages of a bundle that is for now (OSC 1.0).
+fn messages(packet: &[u8]) -> Vec<(String, Vec<Said>)> {
+    let mut rest = packet.strip_prefix(b"#bundle\0\0\0\0\0\0\0\0\x01").expect("a bundle for now");
+    let mut all = Vec::new();
+    while let Some((length, after)) = rest.split_first_chunk::<4>() {
+        let (message, after) = after.split_at(u32::from_be_bytes(*length) as usize);
+        let (address, values) = text(message);
+        let (tags, mut values) = text(values);
+        let mut said = Vec::new();
+        for tag in tags.strip_prefix(',').expect("type tags").chars() {
+            if tag == 's' {
+                let (words, left) = text(values);
+                said.push(Said::Text(words));
+                values = left;
+                continue;
+            }
+            let (number, left) = values.split_first_chunk::<4>().expect("four bytes");
+            said.push(match tag {
+                'i' => Said::Int(i32::from_be_bytes(*number)),
+                'f' => Said::Float(f32::from_be_bytes(*number)),
+                tag => panic!("{tag} is no type that was agreed on"),
+            });
+            values = left;
+        }
+        assert!(values.is_empty(), "nothing is left over in {address}");
+        all.push((address, said));
+        rest = after;
+    }
+    assert!(rest.is_empty());
+    all
+}
+
+/// Bones by name: place, and turn as x, y, z, w.
+fn bones(packet: &[u8]) -> BTreeMap<String, ([f32; 3], [f32; 4])> {
+    let of_bone = |(address, said): (String, Vec<Said>)| {
+        if address != "/VMC/Ext/Bone/Pos" {
+            return None;
+        }
+        let [Said::Text(name), numbers @ ..] = &said[..] else { panic!("{said:?}") };
+        let number = |at: usize| match numbers[at] {
+            Said::Float(number) => number,
+            ref other => panic!("{other:?}"),
+        };
+        assert_eq!(numbers.len(), 7);
+        let place = [0, 1, 2].map(number);
+        Some((name.clone(), (place, [3, 4, 5, 6].map(number))))
+    };
+    messages(packet).into_iter().filter_map(of_bone).collect()
+}
+
+fn receiver() -> (UdpSocket, String) {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    socket.set_read_timeout(Some(PATIENCE)).expect("patience");
+    let place = socket.local_addr().expect("an address").to_string();
+    (socket, place)
+}
+
+fn packet(socket: &UdpSocket) -> Vec<u8> {
+    let mut bytes = vec![0; 65536];
+    let count = socket.recv(&mut bytes).expect("a packet");
+    bytes.truncate(count);
+    bytes
+}
+
+/// The packet of somebody who stands so, the pelvis turned so.
+fn packet_of(angles: &JointAngles, pelvis: DQuat) -> Vec<u8> {
+    let (socket, place) = receiver();
+    let avatar = Avatar::new(&Nobody, Some(&place)).expect("it can be sent to");
+    assert!(avatar.looks());
+    let pose = angles.to_pose(DVec3::ZERO, pelvis);
+    avatar.hear(Event::Posed { pose: &pose, sensors: &[None; 13], angles, age_s: 0.01 });
+    packet(&socket)
+}
+
+fn near(found: &[f32], wanted: &[f32]) -> bool {
+    found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4)
+}
+
+const NOT_TURNED: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
+
+#[test]
+fn a_bundle_begins_with_what_the_protocol_demands() {
+    let said = messages(&packet_of(&JointAngles::default(), DQuat::IDENTITY));
+    let addresses: Vec<&str> = said.iter().map(|(address, _)| address.as_str()).collect();
+    assert_eq!(addresses[..3], ["/VMC/Ext/OK", "/VMC/Ext/T", "/VMC/Ext/Root/Pos"]);
+    assert_eq!(said[0].1, [Said::Int(1)]);
+    let root: Vec<Said> = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0].map(Said::Float).to_vec();
+    assert_eq!(said[2].1, [&[Said::Text("root".to_owned())][..], &root].concat());
+    assert!(addresses[3..].iter().all(|address| *address == "/VMC/Ext/Bone/Pos"));
+    assert_eq!(addresses.len(), 3 + 13);
+}
+
+#[test]
+fn in_t_pose_no_bone_is_turned_and_arms_lie_along_unitys_x() {
+    let bones = bones(&packet_of(&t_pose(), DQuat::IDENTITY));
+    for (name, (_, turn)) in &bones {
+        assert!(near(turn, &NOT_TURNED), "{name}: {turn:?}");
+    }
+    // Unity's X is to the right: the left forearm is on the left of the left upper arm.
+    let place = |name: &str| bones[name].0;
+    let [left, right] = [place("LeftLowerArm"), place("RightLowerArm")];
+    assert!(left[0] < -0.2 && left[1].abs() < 1e-3 && left[2].abs() < 1e-3, "{left:?}");
+    assert!(near(&right, &[-left[0], left[1], left[2]]), "{right:?}");
+    let shank = place("LeftLowerLeg");
+    assert!(shank[1] < -0.3 && shank[0].abs() < 1e-3, "{shank:?}");
+    let hips = place("Hips");
+    assert!((0.7..1.1).contains(&hips[1]), "so high over the floor: {hips:?}");
+}
+
+#[test]
+fn arms_that_hang_are_turned_down_about_unitys_z_and_each_to_its_side() {
+    let bones = bones(&packet_of(&JointAngles::default(), DQuat::IDENTITY));
+    // About Z by 90 degrees -X goes to -Y, and the other way X does.
+    assert!(near(&bones["LeftUpperArm"].1, &[0.0, 0.0, HALF, HALF]), "{bones:?}");
+    assert!(near(&bones["RightUpperArm"].1, &[0.0, 0.0, -HALF, HALF]), "{bones:?}");
+    for name in ["LeftLowerArm", "RightLowerArm", "Spine", "Head", "Hips", "LeftUpperLeg"] {
+        assert!(near(&bones[name].1, &NOT_TURNED), "{name}: {bones:?}");
+    }
+}
+
+#[test]
+fn whoever_turns_to_the_left_turns_against_unitys_y_and_bends_forward_about_its_x() {
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let turned = bones(&packet_of(&t_pose(), DQuat::from_rotation_z(quarter)));
+    // Clockwise about Y, seen from above, is positive where Z is forward and X to the right.
+    assert!(near(&turned["Hips"].1, &[0.0, -HALF, 0.0, HALF]), "{turned:?}");
+    assert!(near(&turned["Spine"].1, &NOT_TURNED), "it turns with the hips");
+    let bowed = bones(&packet_of(&t_pose(), DQuat::from_rotation_y(quarter)));
+    // About X by 90 degrees Y, up, goes to Z, forward.
+    assert!(near(&bowed["Hips"].1, &[HALF, 0.0, 0.0, HALF]), "{bowed:?}");
+}
+
+#[test]
+fn a_knee_that_bends_moves_the_shank_back_against_its_thigh() {
+    let mut angles = t_pose();
+    angles[Dof::LeftKneeFlexion] = std::f64::consts::FRAC_PI_2;
+    let bones = bones(&packet_of(&angles, DQuat::IDENTITY));
+    // About X by 90 degrees down, -Y, goes to -Z, back.
+    assert!(near(&bones["LeftLowerLeg"].1, &[HALF, 0.0, 0.0, HALF]), "{bones:?}");
+    assert!(near(&bones["LeftFoot"].1, &NOT_TURNED), "it goes with the shank");
+    assert!(near(&bones["RightLowerLeg"].1, &NOT_TURNED));
+}
+
+#[test]
+fn nobody_is_sent_to_without_a_place_and_a_place_that_is_none_is_refused() {
+    let silent = Avatar::new(&Nobody, None).expect("nothing to open");
+    assert!(!silent.looks());
+    for place in ["here", "127.0.0.1", "127.0.0.1:port"] {
+        let Err(error) = Avatar::new(&Nobody, Some(place)) else { panic!("{place} is no address") };
+        let words = error.to_string();
+        assert!(words.contains(place) && words.contains("39539"), "{words}");
+    }
+}
+
+const READER: &str = "\
+import sys
+from pythonosc.osc_bundle import OscBundle
+for message in OscBundle(sys.stdin.buffer.read()):
+    print(message.address, *message.params)
+";
+
+#[test]
+fn python_osc_reads_the_same() {
+    let environment =
+        python::environment("python-osc", &[include_str!("python/osc.txt")], "pythonosc", |made| {
+            made.pip("osc.txt", &[])
+        });
+    let folder = match environment {
+        Ok(folder) => folder,
+        Err(why) => {
+            assert!(std::env::var_os("CI").is_none(), "python-osc cannot be had: {why}");
+            aloud!("SKIPPED: python-osc has not read what is sent: {why}");
+            return;
+        }
+    };
+    let packet = packet_of(&JointAngles::default(), DQuat::IDENTITY);
+    let mut reader = Command::new(folder.join("bin/python"))
+        .args(["-c", READER])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("Python starts");
+    let mut stdin = reader.stdin.take().expect("piped");
+    std::io::Write::write_all(&mut stdin, &packet).expect("read");
+    drop(stdin);
+    let output = reader.wait_with_output().expect("its end");
+    assert!(output.status.success());
+    let words = String::from_utf8(output.stdout).expect("text");
+    let lines: Vec<&str> = words.lines().collect();
+    let ours = messages(&packet);
+    assert_eq!(lines.len(), ours.len());
+    for (line, (address, said)) in lines.into_iter().zip(ours) {
+        let mut parts = line.split(' ');
+        assert_eq!(parts.next(), Some(address.as_str()));
+        for said in said {
+            let part = parts.next().expect("a value");
+            match said {
+                Said::Text(words) => assert_eq!(part, words),
+                Said::Int(number) => assert_eq!(part.parse(), Ok(number)),
+                Said::Float(number) => assert_eq!(part.parse(), Ok(number), "{line}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn live_sends_whoever_wears_sensors_without_a_robot_as_they_move() {
+    let folder = program::folder("live");
+    let mut simulate = program::gaitway();
+    simulate.current_dir(&folder).args(["simulate", "imus", "--pty", "worn"]);
+    simulate.args(["--wear", "torso,right_upper_arm,right_forearm", "--motion", "wave-r"]);
+    let mut person = simulate.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().expect("runs");
+    let mut told = String::new();
+    let stdout = person.stdout.as_mut().expect("piped");
+    BufReader::new(stdout).read_line(&mut told).expect("its doors are open");
+    let (socket, place) = receiver();
+    let mut live = program::gaitway();
+    live.current_dir(&folder).args(["live", "--wear", "worn/wear.toml", "--dry-run", "--vmc"]);
+    live.args([&place, "--n-pose-after", "500ms", "--no-t-pose", "-q"]);
+    let mut live = live.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("runs");
+    // The person shows T pose: the right arm, which hung, comes up.
+    let began = Instant::now();
+    let hangs = [0.0, 0.0, -HALF, HALF];
+    let close = |turn: &[f32; 4], to: &[f32; 4]| {
+        turn.iter().zip(to).map(|(a, b)| a * b).sum::<f32>().abs() > 0.98
+    };
+    let mut seen = [false; 2];
+    while seen != [true; 2] {
+        let bones = bones(&packet(&socket));
+        let turn = bones["RightUpperArm"].1;
+        seen[0] |= close(&turn, &hangs);
+        seen[1] |= seen[0] && close(&turn, &NOT_TURNED);
+        assert!(began.elapsed() < PATIENCE, "{seen:?}, {turn:?}");
+        assert!(near(&bones["LeftUpperLeg"].1, &NOT_TURNED), "what is not worn is at rest");
+    }
+    for child in [&mut live, &mut person] {
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().expect("kill").success());
+        child.wait().expect("its end");
+    }
+    let refused = program::gaitway()
+        .args(["live", "--from", "file:bow", "--dry-run", "--vmc", "127.0.0.1:1"])
+        .output()
+        .expect("runs");
+    let said = program::words(&refused);
+    assert!(!refused.status.success() && said.contains("--vmc"), "{said}");
+}
