@@ -162,6 +162,8 @@ fn a_robot_behind_an_adapter_is_found_read_and_played_by_its_terminal_alone() {
     let value = reported(&["servo", "get", &bus, "1", "PMAX", "--model", "dm4310"]);
     assert_eq!(value["value_rad"], 12.5, "{value:#}");
     assert_eq!(looked(&robot, &bus).len(), 3);
+    let checked = reported(&["doctor", "--bus", &bus, "--robot", &robot]).to_string();
+    assert!(checked.contains("this one opens, at 1000000 bit/s"), "{checked}");
     let dry = reported(&["play", &motion, "--robot", &robot, "--bus", &bus, "--dry-run"]);
     assert_eq!(dry["outcome"], "done", "{dry:#}");
 
@@ -497,6 +499,25 @@ fn an_adapter_is_closed_set_and_opened_and_closed_again_at_the_end() {
     let words: Vec<&str> =
         told.iter().map(String::as_str).filter(|line| !line.is_empty()).collect();
     assert_eq!(words, ["C", "V", "Z0", "S6", "O", "t1231AB", "F", "C"]);
+}
+
+#[test]
+fn answers_that_come_late_are_not_taken_for_those_to_later_commands() {
+    // To the greeting and to C, which is refused as the channel is closed already.
+    let says = |line: &str| match line {
+        "C" => vec![],
+        "V" => b"\r\r\r\x07V1013\r".to_vec(),
+        line => by_the_manual(line),
+    };
+    let opened = SlcanAdapter::open(Box::new(Played::new(says).0), "here", SPEEDS);
+    assert_eq!(opened.err(), None);
+}
+
+#[test]
+fn an_adapter_that_knows_no_version_is_known_by_its_other_answers() {
+    let says = |line: &str| if line == "V" { vec![0x07] } else { by_the_manual(line) };
+    let opened = SlcanAdapter::open(Box::new(Played::new(says).0), "here", SPEEDS);
+    assert_eq!(opened.err(), None);
 }
 
 #[test]

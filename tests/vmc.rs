@@ -182,6 +182,19 @@ fn a_knee_that_bends_moves_the_shank_back_against_its_thigh() {
 }
 
 #[test]
+fn a_bone_is_turned_and_placed_against_the_bone_that_carries_it_however_that_is_turned() {
+    let mut angles = t_pose();
+    angles[Dof::LeftKneeFlexion] = std::f64::consts::FRAC_PI_2;
+    let upright = bones(&packet_of(&angles, DQuat::IDENTITY));
+    let pelvis = DQuat::from_rotation_z(1.0) * DQuat::from_rotation_y(0.6);
+    let turned = bones(&packet_of(&angles, pelvis));
+    for name in upright.keys().filter(|name| *name != "Hips") {
+        let [one, other] = [&upright, &turned].map(|bones| bones[name]);
+        assert!(near(&one.0, &other.0) && near(&one.1, &other.1), "{name}: {one:?}, {other:?}");
+    }
+}
+
+#[test]
 fn nobody_is_sent_to_without_a_place_and_a_place_that_is_none_is_refused() {
     let silent = Avatar::new(&Nobody, None).expect("nothing to open");
     assert!(!silent.looks());

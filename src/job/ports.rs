@@ -168,7 +168,7 @@ fn slcan_finding(port: &SerialPort) -> Option<Finding> {
         Finding::advice(
             &port.path,
             "a USB-CAN adapter that speaks slcan",
-            format!("--bus can:slcan:{} reaches the CAN line behind it", port.path),
+            format!("the CAN line behind it is: --bus can:slcan:{}", port.path),
         )
     })
 }

@@ -10,7 +10,7 @@ use crate::wire::can::slcan::{self, SlcanReader, SlcanSaid};
 use crate::wire::can::{CanFrame, Format};
 use std::collections::VecDeque;
 
-/// Longest wait for the first answer of an adapter, which another program may have left in the middle of a line.
+/// Longest wait for an adapter's version, which another program may have left in the middle of a line.
 const FIRST_ANSWER: Duration = Duration::from_millis(1000);
 /// Longest wait for the answer to any other command, of an adapter that gives some.
 const ANSWER: Duration = Duration::from_millis(500);
@@ -135,8 +135,7 @@ impl SlcanAdapter {
         };
         adapter.say(&[slcan::GREETING, slcan::CLOSE].concat())?;
         adapter.settle()?;
-        let first = adapter.ask(slcan::ASK_VERSION, FIRST_ANSWER)?;
-        let mut answers = matches!(first, Some(SlcanSaid::Taken | SlcanSaid::Refused));
+        let (is_known, mut answers) = adapter.meet()?;
         let mut commands = vec![(slcan::WITHOUT_STAMPS, "leave out time stamps", false)];
         commands.push((&rate[..], "set the bit rate", true));
         if let Some(fast) = &fast {
@@ -153,7 +152,7 @@ impl SlcanAdapter {
                 return Err(NotOpened::Refused(command, what));
             }
         }
-        if first.is_none() && !answers {
+        if !is_known && !answers {
             return Err(NotOpened::Silent);
         }
         adapter.garbled_before = adapter.reader.garbled();
@@ -178,14 +177,31 @@ impl SlcanAdapter {
         }
     }
 
+    /// Asks for the version. Its answer comes after those to all that was said before, however late they are. Whether
+    /// it came, and whether anything else was answered.
+    fn meet(&mut self) -> Result<(bool, bool), PortError> {
+        self.say(slcan::ASK_VERSION)?;
+        let until = MonotonicClock.now() + FIRST_ANSWER;
+        let mut answers = false;
+        loop {
+            match self.read(until) {
+                Ok(SlcanSaid::Version) => return Ok((true, answers)),
+                Ok(SlcanSaid::Taken | SlcanSaid::Refused) => answers = true,
+                Ok(_) => {}
+                Err(PortError::TimedOut) => return Ok((false, answers)),
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
     /// Says a command and waits for its answer; none if there is none.
     fn ask(&mut self, command: &[u8], patience: Duration) -> Result<Option<SlcanSaid>, PortError> {
-        use SlcanSaid::{Refused, Taken, Version};
+        use SlcanSaid::{Refused, Taken};
         self.say(command)?;
         let until = MonotonicClock.now() + patience;
         loop {
             match self.read(until) {
-                Ok(said @ (Taken | Refused | Version)) => return Ok(Some(said)),
+                Ok(said @ (Taken | Refused)) => return Ok(Some(said)),
                 Ok(_) => {}
                 Err(PortError::TimedOut) => return Ok(None),
                 Err(error) => return Err(error),

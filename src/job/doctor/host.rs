@@ -73,8 +73,8 @@ fn can(machine: &Machine) -> Finding {
     }
     Finding::ok(
         about,
-        "no; needed for robots on CAN lines only: sudo modprobe can_raw, or a kernel with \
-         CONFIG_CAN",
+        "no; needed for CAN interfaces only: sudo modprobe can_raw, or a kernel with CONFIG_CAN. \
+         can:slcan:PORT needs none",
     )
 }
 

@@ -5,7 +5,7 @@ use crate::bus::{AskError, Protocol};
 use crate::error::{Error, ErrorKind};
 use crate::job::finding::Finding;
 use crate::rig::Address;
-use crate::rig::{OpenLine, is_can, open_bus};
+use crate::rig::{OpenLine, is_can, open_bus, open_can};
 use crate::time::Duration;
 
 /// Questions asked.
@@ -15,13 +15,26 @@ const SLOW_S: f64 = 0.004;
 /// More than looking for a servo takes.
 const LONGEST: Duration = Duration::from_secs(60);
 
+/// A line that cannot be opened, or on which nobody answers.
+fn refused(about: String, error: Error) -> Finding {
+    let remedy = error.remedy.unwrap_or_else(|| "see above".into());
+    let got = error.got.map(|got| format!(": {got}")).unwrap_or_default();
+    Finding::problem(about, format!("{}{got}", error.what), remedy)
+}
+
 /// Round trips with the first servo that answers on the line.
 #[must_use]
 pub fn measured(address: &Address, robot: Option<&str>) -> Finding {
     let about = format!("round trip on {address}");
     if is_can(address, robot).unwrap_or(false) {
+        let line = match open_can(address, robot, 0) {
+            Ok(line) => line,
+            Err(error) => return refused(about, error),
+        };
+        let speed = line.speed_words();
+        let found = format!("is measured on serial lines only; this one opens, at {speed}");
         let remedy = "gaitway scan BUS says who answers; gaitway play --dry-run plans the line";
-        return Finding::advice(about, "is measured on serial lines only", remedy);
+        return Finding::advice(about, found, remedy);
     }
     let opened = open_bus(address, robot, 0);
     let taken = opened.and_then(|mut line| {
@@ -30,11 +43,7 @@ pub fn measured(address: &Address, robot: Option<&str>) -> Finding {
     });
     let (id, (mut taken_s, missed)) = match taken {
         Ok(taken) => taken,
-        Err(error) => {
-            let remedy = error.remedy.clone().unwrap_or_else(|| "see above".into());
-            let got = error.got.map(|got| format!(": {got}")).unwrap_or_default();
-            return Finding::problem(about, format!("{}{got}", error.what), remedy);
-        }
+        Err(error) => return refused(about, error),
     };
     taken_s.sort_by(f64::total_cmp);
     let at = |share: f64| {
