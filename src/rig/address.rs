@@ -151,10 +151,11 @@ impl fmt::Display for BusKind {
     }
 }
 
-/// Names of interfaces have at most 15 bytes, no slash and no blank (`netdevice(7)`).
+/// Names of interfaces have at most 15 bytes, no slash, no colon and no blank (the kernel's `dev_valid_name`).
 fn can_bus(name: &str) -> Option<BusKind> {
     let fits = (1..=15).contains(&name.len());
-    let usable = fits && !name.contains(|c: char| c == '/' || c == '?' || c.is_whitespace());
+    let unusable = |c: char| matches!(c, '/' | '?' | ':') || c.is_whitespace();
+    let usable = fits && !name.contains(unusable);
     usable.then(|| BusKind::Can { interface: name.to_owned() })
 }
 
