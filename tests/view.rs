@@ -469,8 +469,10 @@ fn a_robot_looks_like_the_meshes_of_its_model_or_like_the_shapes_that_stand_for_
     std::fs::create_dir_all(&robots).unwrap();
     let (robot, page, table) =
         (path(&robots, "arm.toml"), path(&folder, "arm.html"), path(&folder, "arm.csv"));
-    let order = ["robot", "import", model.to_str().unwrap(), "--servo", "sts3215", "-o", &robot];
-    let done = program::gaitway().args(order).output().expect("it runs");
+    // As somebody types it who stands beside the model.
+    let order = ["robot", "import", "arm.urdf", "--servo", "sts3215", "-o", &robot];
+    let beside = model.parent().unwrap();
+    let done = program::gaitway().current_dir(beside).args(order).output().expect("it runs");
     let said = program::words(&done);
     assert!(done.status.success() && said.contains("2 meshes"), "{said}");
     assert!(said.contains("pages cannot show ../meshes/gone.stl"), "{said}");

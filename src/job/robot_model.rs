@@ -90,7 +90,7 @@ pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
     })?;
     let text = String::from_utf8(bytes)
         .map_err(|_| in_file(Error::of(ErrorKind::Malformed, "the model is not UTF-8 text")))?;
-    let folder = order.model.parent().unwrap_or(Path::new("."));
+    let folder = folder_of(&order.model);
     let mut found = model::read(&text, &mut |name| mesh(folder, name)).map_err(in_file)?;
     let own = found.volumes.iter().map(Vec::len).sum::<usize>();
     let filled = found.fill(order.plain_shapes);
@@ -210,6 +210,11 @@ fn mesh(folder: &Path, name: &str) -> Result<Vec<u8>, String> {
     bytes_of(&mesh_path(folder, name)?, MESH_BYTES_MAX).map_err(|cause| cause.to_string())
 }
 
+/// The folder of a file; of one that is named alone the one that is worked in.
+fn folder_of(file: &Path) -> &Path {
+    file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
 /// Where a mesh is that a model in this folder names. What a package of ROS has lies in the folder of that name above
 /// the model, or else under the model's own; a path that leads further up is not followed.
 fn mesh_path(folder: &Path, name: &str) -> Result<PathBuf, String> {
@@ -235,10 +240,7 @@ fn mesh_path(folder: &Path, name: &str) -> Result<PathBuf, String> {
 
 /// Names files of meshes as they are seen from the robot's file, and leaves aside those that cannot be read.
 fn find_looks(reduced: &mut Reduced, folder: &Path, file: &Path) {
-    let beside = match file.parent() {
-        Some(beside) if beside != Path::new("") => beside,
-        _ => Path::new("."),
-    };
+    let beside = folder_of(file);
     let mut unread: Vec<String> = Vec::new();
     for link in &mut reduced.links {
         link.looks.retain_mut(|look| match seen_from(beside, folder, look) {
