@@ -16,6 +16,12 @@ const times = (a, b) => [
   a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
 ];
 
+// Of the box around points.
+function corners(axes) {
+  const ends = axes.map(values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]));
+  return Array.from({ length: 8 }, (_, n) => ends.map((end, axis) => end[(n >> axis) & 1]));
+}
+
 class Robot {
   // One that is `free` may be turned in any way; if it has soles, it stands where the lowest is on the floor, for lack of a better word.
   constructor(data, joints, free) {
@@ -25,6 +31,7 @@ class Robot {
     this.turn = data.turn.map(decoded);
     this.contacts = decoded(data.contacts);
     this.joints = joints;
+    for (const link of this.links) if (link.mesh) link.corners = corners(link.mesh.points.map(decoded));
     this.mass = this.links.reduce((sum, link) => sum + link.mass_kg, 0);
   }
 
@@ -99,6 +106,7 @@ class Robot {
     const bare = !this.links.some(link => link.shapes.length);
     this.links.forEach((link, n) => {
       if (bare) reach(places[n].at, 0.01);
+      for (const corner of link.corners || []) reach(plus(places[n].at, turned(places[n].turn, corner)), 0);
       for (const shape of link.shapes) {
         const ends = shape.from_m ? [shape.from_m, shape.to_m] : [shape.centre_m];
         const around = shape.from_m ? shape.radius_m : Math.min(...shape.half_m);
