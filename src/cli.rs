@@ -62,6 +62,9 @@ pub struct Cli {
     /// No progress and no remarks, only results and errors
     #[arg(short, long, global = true)]
     quiet: bool,
+    /// Say when each remark was made, and what is planned and foreseen of a motion
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
     /// Folder with profiles of your own (servos, actuators, sensors, adapters, robots), found by name;
     /// may be given several times [always searched: ~/.config/gaitway/profiles, and the folder of the
     /// robot file]
@@ -193,7 +196,8 @@ impl Typed {
 /// Runs a command; its exit code.
 fn run(typed: &Typed) -> i32 {
     let cli = &typed.cli;
-    let remarks = Remarks { quiet: cli.quiet };
+    let since = cli.verbose.then(std::time::Instant::now);
+    let remarks = Remarks { quiet: cli.quiet, since };
     if let Err(error) = own_profiles(&cli.profiles) {
         return typed.output.fail(&error);
     }

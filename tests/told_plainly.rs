@@ -163,6 +163,39 @@ fn quiet_tells_how_it_ended_and_what_was_written() {
 }
 
 #[test]
+fn verbose_tells_when_each_remark_was_made_and_what_is_foreseen_as_the_page_has_it() {
+    let folder = crate::program::folder("verbose");
+    // From where the robot starts, the right arm down and its hand to the left, into the hip.
+    let cross: String = [(0.0, 0.0), (0.5, 0.0), (1.0, 0.5), (1.5, 1.0), (2.0, 1.0), (2.5, 1.0)]
+        .iter()
+        .map(|(t, part)| format!("{t},{},{}\n", -0.785 - 0.7 * part, 0.785 + 0.715 * part))
+        .collect();
+    let arms = folder.join("arms.csv").display().to_string();
+    std::fs::write(&arms, format!("time_s,r_sho_roll_rad,r_el_rad\n{cross}")).unwrap();
+    let play = ["play", &arms, "--robot", "op3", "--bus", "sim", "--hang", "--retime"];
+    let told = |more: &[&str]| {
+        let output = run(&[&play[..], more].concat());
+        assert!(output.status.success(), "{}", crate::program::words(&output));
+        String::from_utf8(output.stderr).expect("UTF-8")
+    };
+    assert!(!told(&[]).contains("foreseen"));
+    for more in [&["-v"][..], &["-v", "--dry-run"]] {
+        let said = told(more);
+        let mut last_s = 0.0;
+        for line in said.lines() {
+            let (stamp, _) = line.split_once(" s  ").unwrap_or_else(|| panic!("no time: {line}"));
+            let at_s: f64 = stamp.trim().parse().expect("a time");
+            assert!(at_s >= last_s, "{said}");
+            last_s = at_s;
+        }
+        assert!(said.contains("foreseen: touches itself, "), "{said}");
+        assert_eq!(said.contains("planned: "), more.len() == 1, "{said}");
+    }
+    let both = run(&[&play[..], &["-v", "-q"]].concat());
+    assert_eq!(both.status.code(), Some(2), "{}", crate::program::words(&both));
+}
+
+#[test]
 fn a_line_behind_tcp_has_no_speed_that_anybody_here_knows() {
     let mut simulator = crate::program::gaitway()
         .args(["simulate", "so101", "--tcp", "0"])

@@ -526,6 +526,16 @@ fn a_robot_looks_like_the_meshes_of_its_model_or_like_the_shapes_that_stand_for_
     // Its box is 10 mm wide, its spike 240 mm long.
     assert!(orange[1] > 0.0 && orange[0] > 5.0 * orange[1], "{orange:?}");
 
+    // Lengths in mm that nobody scaled: that mesh alone is left out.
+    let (before, after) = text.split_once("tool.obj\", scale = [0.001, 0.001, 0.001]").expect("it");
+    std::fs::write(&robot, format!("{before}tool.obj\"{after}")).unwrap();
+    run(&[&order[..], &["--retime", "--force"]].concat());
+    let html = std::fs::read_to_string(&page).unwrap();
+    assert!(html.contains("tool.obj (it reaches 2.400e2 m far"), "it is said on the page");
+    let links = &page::data(&html)["robot"]["links"];
+    assert!(links[1]["mesh"].is_object() && links[2]["mesh"].is_null(), "the others are drawn");
+    std::fs::write(&robot, &text).unwrap();
+
     std::fs::remove_file(folder.join("arm_description/meshes/tool.obj")).unwrap();
     run(&[&order[..], &["--retime", "--force"]].concat());
     let html = std::fs::read_to_string(&page).unwrap();

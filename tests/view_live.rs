@@ -652,10 +652,15 @@ fn whoever_wears_sensors_is_drawn_as_they_move_with_their_angles_and_without_a_r
     let nobody = "document.getElementById('nothing').textContent";
     // Who stands a few steps away reads what to do.
     until(&mut browser, &format!("/^(N pose: upright|bow with a straight back)/.test({nobody})"));
+    browser.frames(2);
+    let seen = browser.value(&format!("[{nobody}, gaitway.lines()]"));
+    // Until they are calibrated nothing of anybody is drawn.
+    assert!(seen[0] == "" || seen[1] == 0, "{seen}");
     until(&mut browser, "document.querySelectorAll('#sensors tbody tr').length === 3");
     until(&mut browser, &format!("{nobody} === '' && gaitway.person(0).length > 20"));
     let told = "[...document.querySelectorAll('#events li')].map(of => of.textContent)";
     until(&mut browser, &format!("{told}.some(words => words.endsWith('calibration: good'))"));
+    until(&mut browser, "gaitway.lines() > 20");
     // Axes of the sensors, each where it is worn and turned by something.
     until(
         &mut browser,

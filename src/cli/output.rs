@@ -15,6 +15,7 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Why a text did not reach standard output.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -224,13 +225,17 @@ fn check_place(path: &Path) -> Result<(), Error> {
 pub struct Remarks {
     /// True if only results and errors are wanted.
     pub quiet: bool,
+    /// Since when it is told at which time something is said, and more is said.
+    pub since: Option<Instant>,
 }
 
 impl Remarks {
     /// Says something to the person at the terminal.
     pub fn say(self, text: &str) {
-        if !self.quiet {
-            say(text);
+        match self.since {
+            _ if self.quiet => {}
+            Some(since) => say(&format!("{:8.3} s  {text}", since.elapsed().as_secs_f64())),
+            None => say(text),
         }
     }
 

@@ -105,7 +105,7 @@ impl Survey {
         }
         if !self.kernel_speaks_can {
             out.push_str(
-                "no CAN: this kernel was built without it (or a container hides it), so there is \
+                "no CAN: this kernel was built without it (or a container hides it), so there is no \
                  CAN interface here;\n  robots on CAN lines play with --bus sim, or through an slcan \
                  adapter, can:slcan:PORT. For interfaces, on the machine itself: sudo modprobe can_raw\n",
             );

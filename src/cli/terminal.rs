@@ -81,8 +81,15 @@ impl Observer for Terminal<'_> {
             Event::Recording(now) => self.show(now),
             Event::Step { done, total, what } => self.step(done, total, what),
             Event::Sensing(event) => self.status.say(&cues::of_event(event)),
+            other if self.remarks.since.is_some() => {
+                cues::in_full(&other).iter().for_each(|words| self.status.say(words));
+            }
             _ => {}
         }
+    }
+
+    fn looks(&self) -> bool {
+        self.remarks.since.is_some()
     }
 
     fn wants_to_stop(&self) -> bool {

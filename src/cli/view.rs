@@ -74,6 +74,7 @@ pub fn seen(args: &ViewArgs, cli: &Cli) -> Result<Viewed, NotViewed> {
     let typed = ["gaitway".to_owned()]
         .into_iter()
         .chain(cli.quiet.then(|| "--quiet".to_owned()))
+        .chain(cli.verbose.then(|| "--verbose".to_owned()))
         .chain(profiles)
         .chain((!is_command).then(|| "monitor".to_owned()))
         .chain(args.what.iter().cloned())

@@ -4,7 +4,9 @@ use crate::body::segment_name;
 use crate::body::worn::Movement;
 use crate::body::worn::check::{T_POSE_FAIL_RAD, T_POSE_WARN_RAD};
 use crate::error::counted;
+use crate::job::Event;
 use crate::sensing::{Cue, Question, SensingEvent, Unseen, Until};
+use crate::view::tracks::ViewSpan;
 
 /// What a guide says.
 pub fn of(cue: &Cue<'_>) -> String {
@@ -61,6 +63,29 @@ pub fn of(cue: &Cue<'_>) -> String {
         Cue::Ask(Question::Stands) => "  Enter when you stand so; q ends".to_owned(),
         Cue::Ask(Question::TPoseAgain) => "  Enter: once more; s: go on with it; q ends".to_owned(),
         Cue::Unknown(words) => format!("  {words:?}? Enter goes on, s skips, q ends"),
+    }
+}
+
+/// What is told besides to whoever wants to know it all; each a line.
+pub fn in_full(event: &Event<'_>) -> Vec<String> {
+    match event {
+        Event::Planned { duration_s, approach_s, retime_factor } => {
+            let long = match duration_s.is_finite() {
+                true => format!("{duration_s:.2} s"),
+                false => "without end".to_owned(),
+            };
+            vec![format!(
+                "planned: {long}, of it {approach_s:.2} s to the first pose; x {retime_factor:.3} as long as asked"
+            )]
+        }
+        Event::Foreseen(spans) => {
+            let words = |span: &ViewSpan| {
+                let ViewSpan { row, label, start_s, end_s, .. } = span;
+                format!("foreseen: {row}, {start_s:.2} to {end_s:.2} s: {label}")
+            };
+            spans.iter().map(words).collect()
+        }
+        _ => Vec::new(),
     }
 }
 

@@ -206,7 +206,7 @@ impl RobotScene<'_> {
             ViewSpan::new(SpanKind::Doubt, "out of balance", label, *start_s, *end_s)
         });
         let falls = self.metrics.predicted_fall_s.map(|at_s| {
-            let label = "on its own feet it would be lost here";
+            let label = "on its own feet it would be lost from here on";
             ViewSpan::new(SpanKind::Wrong, "predicted fall", label, at_s, at_s)
         });
         outside.chain(falls).collect()

@@ -291,6 +291,7 @@ pub(super) fn play_on(
     }
     let prepared = prepare(connection, &found, motion, options, observer, report)?;
     if options.dry_run {
+        observer.hear(Event::Foreseen(&prepared.foreseen));
         report.outcome = Outcome::Done;
         return Ok(None);
     }

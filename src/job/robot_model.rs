@@ -13,8 +13,10 @@ use std::path::{Component, Path, PathBuf};
 const FILE_BYTES_MAX: u64 = 8 << 20;
 /// Largest mesh, bytes.
 pub(in crate::job) const MESH_BYTES_MAX: u64 = 64 << 20;
+/// Why nothing is made of a file.
+pub(in crate::job) const NO_MESH: &str = "neither STL nor OBJ, or its corners are no finite places";
 /// A model's own files are this many folders above it at most: `../meshes`.
-const FOLDERS_ABOVE: usize = 2;
+const FOLDERS_ABOVE: i64 = 2;
 /// Of a servo's speed without load: what a draft lets a joint have.
 const SPEED_SHARE: f64 = 0.5;
 
@@ -194,8 +196,13 @@ fn servo(order: &ImportOrder) -> Result<DraftServo, Error> {
 /// A file that cannot be read, is no regular one, or is larger.
 pub(in crate::job) fn bytes_of(path: &Path, most: u64) -> std::io::Result<Vec<u8>> {
     // Asked before opening: opening a FIFO would wait for a writer.
-    if !std::fs::metadata(path)?.is_file() {
+    let meta = std::fs::metadata(path)?;
+    if !meta.is_file() {
         return Err(std::io::Error::other("this is not a regular file"));
+    }
+    // What the system makes up as it is read has no length, and some of it waits for ever.
+    if meta.len() == 0 {
+        return Err(std::io::Error::other("it is empty"));
     }
     let mut bytes = Vec::new();
     File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
@@ -216,7 +223,8 @@ fn folder_of(file: &Path) -> &Path {
 }
 
 /// Where a mesh is that a model in this folder names. What a package of ROS has lies in the folder of that name above
-/// the model, or else under the model's own; a path that leads further up is not followed.
+/// the model, or else under the model's own; a path that leads further up is not followed,
+/// but for one from the root.
 fn mesh_path(folder: &Path, name: &str) -> Result<PathBuf, String> {
     let name = name.strip_prefix("file://").unwrap_or(name);
     let (package, inside) =
@@ -224,10 +232,19 @@ fn mesh_path(folder: &Path, name: &str) -> Result<PathBuf, String> {
             Some((package, inside)) => (Some(package), Path::new(inside)),
             None => (None, Path::new(name)),
         };
-    let up = inside.components().take_while(|part| *part == Component::ParentDir).count();
-    let mut down = inside.components().skip(up);
-    let is_plain = down.all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if up > FOLDERS_ABOVE || !is_plain {
+    if package.is_none() && inside.is_absolute() {
+        return Ok(inside.to_owned());
+    }
+    // How far below the model, or above it, each part of the path leads.
+    let depths = inside.components().scan(0_i64, |depth, part| {
+        *depth += match part {
+            Component::Normal(_) => 1,
+            Component::ParentDir => -1,
+            _ => 0,
+        };
+        Some(*depth)
+    });
+    if depths.min().is_some_and(|lowest| lowest < -FOLDERS_ABOVE) {
         return Err(format!("more than {FOLDERS_ABOVE} folders above the model"));
     }
     let whole = folder.canonicalize().map_err(|cause| cause.to_string())?;
@@ -264,11 +281,14 @@ fn find_looks(reduced: &mut Reduced, folder: &Path, file: &Path) {
 }
 
 fn seen_from(beside: &Path, folder: &Path, look: &LinkMesh) -> Result<String, String> {
+    if !look.scale.is_finite() || look.scale.to_array().contains(&0.0) {
+        return Err("its scale makes nothing of it".to_owned());
+    }
     let path = mesh_path(folder, &look.file)?;
     let bytes = bytes_of(&path, MESH_BYTES_MAX).map_err(|cause| cause.to_string())?;
     let is_surface = Surface::read(&bytes).is_some_and(|surface| !surface.triangles.is_empty());
     if !is_surface {
-        return Err("neither STL nor OBJ".to_owned());
+        return Err(NO_MESH.to_owned());
     }
     let path = path.canonicalize().map_err(|cause| cause.to_string())?;
     let seen = match beside.canonicalize() {

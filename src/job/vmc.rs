@@ -68,6 +68,9 @@ impl Receiver {
         };
         let found = place.to_socket_addrs().map_err(|e| refused(e.to_string()))?.next();
         let to = found.ok_or_else(|| refused("no such host".to_owned()))?;
+        if to.port() == 0 {
+            return Err(refused("port 0, which is nobody's".to_owned()));
+        }
         let from: SocketAddr = match to {
             SocketAddr::V4(_) => ([0, 0, 0, 0], 0).into(),
             SocketAddr::V6(_) => ([0_u16; 8], 0).into(),

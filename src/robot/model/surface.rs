@@ -8,6 +8,8 @@ use std::collections::{HashMap, HashSet};
 
 /// Most corners of a surface, and three times most of its triangles.
 const CORNERS_MAX: usize = 6_000_000;
+/// Most corners of a face.
+const FACE_MAX: usize = 10_000;
 /// Lengths that are no robot's, m: cells of a surface are counted from zero.
 const FAR_M: f64 = 1e4;
 /// Cells are no smaller, m.
@@ -143,9 +145,10 @@ fn text(bytes: &[u8]) -> Option<Surface> {
             }
             Some("f") => {
                 let count = found.points_m.len();
-                let corners: Option<Vec<usize>> = words.map(|word| named(word, count)).collect();
+                let corners: Option<Vec<usize>> =
+                    words.take(FACE_MAX + 1).map(|word| named(word, count)).collect();
                 // A face of more corners is a fan.
-                let corners = corners?;
+                let corners = corners.filter(|corners| corners.len() <= FACE_MAX)?;
                 let fan = corners.windows(2).skip(1).map(|two| [corners[0], two[0], two[1]]);
                 found.triangles.extend(fan);
             }

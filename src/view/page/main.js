@@ -510,6 +510,8 @@ window.gaitway = {
   markers: t => (markers ? markers.points.map(point => markers.place(point.at, t)) : []),
   person: t => (person ? person.places(t) : []),
   sensors: t => (person ? person.sensors.map(sensor => ({ name: sensor.name, worn: person.worn(sensor, person.places(t), t) })) : []),
+  // How many lines are drawn in space: limbs, axes, what connects joints.
+  lines: () => (stage ? stage.scene.children.filter(of => of.visible && of.userData.radius).length : 0),
   arrows: t => (plates ? plates.list.map(plate => plates.arrow(plate, t)) : []),
   persons: t => persons.map(one => (one.clock.count ? one.places(t) : [])),
   poses: () => editor && {

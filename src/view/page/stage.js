@@ -355,7 +355,7 @@ class Stage {
   putPerson({ person, number, rods, knots, axes, headBall }, t, base) {
     const visible = this.isShown("person");
     if (!person.clock.count) {
-      for (const part of [...rods.flat(), ...knots, headBall]) part.visible = false;
+      for (const part of [...rods.flat(), ...knots, ...axes.flat(), headBall]) part.visible = false;
       return null;
     }
     let places = person.places(t), centre = person.centre(t), corners = person.support(t), scale = person.stature;

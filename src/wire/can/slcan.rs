@@ -160,7 +160,9 @@ fn understood(line: &[u8]) -> Option<SlcanSaid> {
 fn is_version(line: &[u8]) -> bool {
     let words = line.to_ascii_lowercase();
     let names = |name: &[u8]| words.windows(name.len()).any(|part| part == name);
-    line.is_ascii() && (words[0] == b'v' || names(b"canable") || names(b"slcan"))
+    // A line that only echoes says V as well.
+    let has_number = words.iter().any(u8::is_ascii_digit);
+    line.is_ascii() && (words[0] == b'v' && has_number || names(b"canable") || names(b"slcan"))
 }
 
 fn frame(line: &[u8]) -> Option<CanFrame> {
@@ -343,6 +345,8 @@ mod tests {
         let (said, garbled) = heard(b"\rz\rZ\r\x07V1013\rF00\r");
         assert_eq!(said, [Taken, Sent, Sent, Refused, Version, SlcanSaid::Status(None)]);
         assert_eq!(garbled, 0);
+        // What only echoes is no adapter.
+        assert_eq!(heard(b"V\r").0, []);
         assert_eq!(heard(b"CANable-b158aa7 github.com/normaldotcom/canable-fw.git\r").0, [Version]);
         assert_eq!(heard(b"t1001A\x07"), (vec![Refused], 1), "cut off by a bell");
         assert_eq!(heard(b"hello\rF0G\r$GPGGA,1,2\r"), (vec![], 3));
