@@ -3,10 +3,11 @@
 
 mod aloud;
 mod program;
+mod simulated;
 
 use aloud::aloud;
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
+use simulated::{ATTEMPTS, PATIENCE, Simulator, machine_was_late, signal, undisturbed, wait_for};
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -19,67 +20,15 @@ fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A virtual op3 in a process of its own; ends with the test.
-struct Simulator {
-    child: Child,
-    link: PathBuf,
+/// A virtual op3.
+fn op3(folder: &std::path::Path) -> Simulator {
+    Simulator::start(folder, "op3")
 }
 
 impl Simulator {
-    fn start(folder: &std::path::Path) -> Self {
-        let link = folder.join("op3");
-        let mut child = crate::program::gaitway()
-            .args(["simulate", "op3", "--pty"])
-            .arg(&link)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the simulator");
-        // Its first line of output says that the port is there.
-        let mut line = String::new();
-        let stdout = child.stdout.as_mut().expect("its output");
-        BufReader::new(stdout).read_line(&mut line).expect("a line");
-        assert!(line.starts_with("/dev/"), "{line:?}");
-        Self { child, link }
-    }
-
     fn bus(&self) -> String {
         format!("serial:{}", self.link.display())
     }
-
-    /// Ends it and returns what its referee said.
-    fn end(mut self) -> String {
-        signal(&self.child, "INT");
-        let output = wait_for(&mut self.child, PATIENCE);
-        assert!(output.is_some(), "the simulator did not end");
-        let mut said = String::new();
-        let stderr = self.child.stderr.take().expect("its diagnostics");
-        std::io::Read::read_to_string(&mut BufReader::new(stderr), &mut said).expect("text");
-        said
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-fn signal(child: &Child, name: &str) {
-    let sent = Command::new("kill").args(["-s", name, &child.id().to_string()]).status();
-    assert!(sent.is_ok_and(|s| s.success()), "no signal sent");
-}
-
-fn wait_for(child: &mut Child, limit: Duration) -> Option<std::process::ExitStatus> {
-    let began = Instant::now();
-    while began.elapsed() < limit {
-        if let Some(status) = child.try_wait().expect("a child") {
-            return Some(status);
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    None
 }
 
 /// What a process said that ends within the time: read as it comes, since one whose words nobody takes
@@ -107,33 +56,6 @@ fn report(output: &Output) -> Value {
     })
 }
 
-/// How often a motion is begun again that the machine disturbed: it may be busy for a while.
-const ATTEMPTS: u32 = 20;
-/// Time in which a process that ends has ended, however busy the machine is.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// True if a run ended because this machine was late.
-fn machine_was_late(report: &Value) -> bool {
-    let code = report["stop"]["code"].as_str().unwrap_or_default();
-    let reason = report["stop_reason"].as_str().unwrap_or_default();
-    matches!(code, "late" | "stalled")
-        || ["this host is too late", "the host stalled"].iter().any(|words| reason.contains(words))
-}
-
-/// Plays until the machine itself did not get in the way. A host that stalls for 100 ms, as virtual
-/// machines now and then do, is rightly stopped; that is tested in virtual time, not here.
-fn undisturbed(mut attempt: impl FnMut() -> Value) -> Value {
-    for number in 1..=ATTEMPTS {
-        let report = attempt();
-        if !machine_was_late(&report) {
-            return report;
-        }
-        let reason = &report["stop_reason"];
-        aloud!("DISTURBED by the machine {number} times, once more: {reason}");
-    }
-    panic!("this machine stalls too often to play in real time");
-}
-
 /// The referee of `simulate` saw no goal out of place. (A stall of the machine may have cut short a
 /// motion that was begun again.)
 fn assert_careful(said: &str) {
@@ -158,7 +80,7 @@ fn recorded_s(path: &std::path::Path) -> f64 {
 fn a_robot_in_another_process_is_played_over_a_real_port() {
     let _alone = alone();
     let folder = crate::program::folder("another_process");
-    let simulator = Simulator::start(&folder);
+    let simulator = op3(&folder);
     let report =
         undisturbed(|| report(&play(&simulator.bus(), &["--to", "1.5"]).output().expect("a run")));
     assert_eq!(report["outcome"], "done", "{report:#}");
@@ -242,7 +164,7 @@ fn killed_in_motion(bus: &str, folder: &std::path::Path) {
 fn a_killed_player_leaves_the_joints_at_rest_and_a_readable_recording() {
     let _alone = alone();
     let folder = crate::program::folder("killed");
-    let simulator = Simulator::start(&folder);
+    let simulator = op3(&folder);
     killed_in_motion(&simulator.bus(), &folder);
     // Longer than the servos wait for a word of their host: they have stopped by themselves.
     std::thread::sleep(Duration::from_millis(500));
@@ -289,7 +211,7 @@ fn wait_until_open(child: &Child, link: &std::path::Path) {
 fn a_wish_to_stop_before_torque_is_on_leaves_the_robot_limp() {
     let _alone = alone();
     let folder = crate::program::folder("early_stop");
-    let simulator = Simulator::start(&folder);
+    let simulator = op3(&folder);
     let mut child = play(&simulator.bus(), &[]).spawn().expect("a run");
     // Once the port is open, preflight still watches the robot stand still for 0.2 s.
     wait_until_open(&child, &simulator.link);
@@ -309,7 +231,7 @@ fn a_wish_to_stop_before_torque_is_on_leaves_the_robot_limp() {
 fn a_port_in_use_is_refused_by_name() {
     let _alone = alone();
     let folder = crate::program::folder("busy");
-    let simulator = Simulator::start(&folder);
+    let simulator = op3(&folder);
     let second = (1..=ATTEMPTS).find_map(|number| {
         let (mut first, _) = under_way(&simulator.bus(), &folder, 10_000);
         let output = play(&simulator.bus(), &["--dry-run"]).output().expect("a second run");
@@ -332,7 +254,7 @@ fn a_port_in_use_is_refused_by_name() {
 fn h18_a_port_that_vanishes_ends_the_motion_within_a_second() {
     let _alone = alone();
     let folder = crate::program::folder("vanish");
-    let mut simulator = Simulator::start(&folder);
+    let mut simulator = op3(&folder);
     let (child, recording) = under_way(&simulator.bus(), &folder, 10_000);
     simulator.child.kill().expect("the simulator dies");
     simulator.child.wait().expect("its end");
@@ -352,13 +274,13 @@ fn h18_a_port_that_vanishes_ends_the_motion_within_a_second() {
 fn h19_a_port_that_comes_back_is_not_used_by_itself() {
     let _alone = alone();
     let folder = crate::program::folder("comes_back");
-    let mut simulator = Simulator::start(&folder);
+    let mut simulator = op3(&folder);
     let (child, _) = under_way(&simulator.bus(), &folder, 10_000);
     simulator.child.kill().expect("unplugged");
     simulator.child.wait().expect("its end");
     let _ = std::fs::remove_file(&simulator.link);
     // The same robot is back at once, under the same link and behind another terminal.
-    let back = Simulator::start(&folder);
+    let back = op3(&folder);
     let output = output_within(child, PATIENCE).expect("the player ends");
     assert_eq!(output.status.code(), Some(4));
     let looked = report(&play(&back.bus(), &["--dry-run"]).output().expect("a run"));
@@ -445,7 +367,7 @@ fn ports_that_are_none_are_refused_with_what_to_do() {
 #[test]
 fn a_robot_on_its_own_feet_is_not_sent_into_a_fall() {
     let _alone = alone();
-    let simulator = Simulator::start(&crate::program::folder("may_fall"));
+    let simulator = op3(&crate::program::folder("may_fall"));
     let played = |more: &[&str]| {
         let mut command = crate::program::gaitway();
         let bus = simulator.bus();

@@ -8,6 +8,8 @@ mod robots;
 
 mod program;
 mod python;
+#[allow(dead_code)]
+mod simulated;
 
 use aloud::aloud;
 use gaitway::port::slcan::{NotOpened, SlcanAdapter, SlcanSpeeds};
@@ -19,18 +21,15 @@ use gaitway::wire::can::{CanFrame, CanId, Format};
 use gaitway_sim::{Door, Options, Rule, World};
 use robots::{DAMIAO, Kind, MOTEUS};
 use serde_json::Value;
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use simulated::{PATIENCE, Simulator, undisturbed};
+use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often a motion is begun again that the machine disturbed: it may be busy for a while.
-const ATTEMPTS: u32 = 20;
-/// Time in which what must happen has happened, however busy the machine is.
-const PATIENCE: Duration = Duration::from_secs(60);
 /// Few cycles a second: whether a busy machine keeps more is not what is tested here.
 const RATE_HZ: f64 = 25.0;
 
@@ -63,49 +62,9 @@ fn swing(folder: &Path, joints: usize, far_rad: f64) -> String {
     path.display().to_string()
 }
 
-/// The virtual robot in a process of its own, behind a terminal; ends with the test.
-struct Simulator {
-    child: Child,
-    link: PathBuf,
-}
-
 impl Simulator {
-    fn start(folder: &Path, robot: &str) -> Self {
-        let link = folder.join("adapter");
-        let mut child = program::gaitway()
-            .args(["simulate", robot, "--pty"])
-            .arg(&link)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the simulator");
-        let mut line = String::new();
-        let stdout = child.stdout.as_mut().expect("its output");
-        BufReader::new(stdout).read_line(&mut line).expect("a line");
-        assert!(line.starts_with("/dev/"), "{line:?}");
-        Self { child, link }
-    }
-
     fn bus(&self) -> String {
         format!("can:slcan:{}", self.link.display())
-    }
-
-    /// Ends it; what its referee said.
-    fn end(mut self) -> String {
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().expect("kill").success());
-        let mut said = String::new();
-        let mut stderr = self.child.stderr.take().expect("its words");
-        stderr.read_to_string(&mut said).expect("text");
-        self.child.wait().expect("its end");
-        said
-    }
-}
-
-impl Drop for Simulator {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -115,21 +74,6 @@ fn run(arguments: &[&str]) -> Output {
 
 fn reported(arguments: &[&str]) -> Value {
     program::json(&run(&[arguments, &["--json", "-q"]].concat()))
-}
-
-/// Plays until the machine itself did not get in the way.
-fn undisturbed(mut attempt: impl FnMut() -> Value) -> Value {
-    for number in 1..=ATTEMPTS {
-        let report = attempt();
-        let code = report["stop"]["code"].as_str().unwrap_or_default();
-        let reason = report["stop_reason"].as_str().unwrap_or_default();
-        let words = ["this host is too late", "the host stalled"];
-        if !["late", "stalled"].contains(&code) && !words.iter().any(|w| reason.contains(w)) {
-            return report;
-        }
-        aloud!("DISTURBED by the machine {number} times, once more: {reason}");
-    }
-    panic!("this machine stalls too often to play in real time");
 }
 
 /// The joints of a robot at a look at which all answered.
