@@ -29,7 +29,7 @@ pub struct DoctorArgs {
     /// End with exit code 1 if something is not as it should be
     #[arg(long)]
     strict: bool,
-    /// Measure how long answers take on this line: serial:PATH[?baud=N], tcp:HOST:PORT; again for other lines
+    /// Measure how long answers take on this line: serial:PATH[?baud=N], tcp:HOST:PORT; or open can:INTERFACE, can:slcan:PATH; again for other lines
     #[arg(long, value_name = "BUS")]
     bus: Vec<Address>,
     /// Robot whose line --bus is: says the line speed, and which robot a virtual one is

@@ -186,7 +186,10 @@ fn slcan_bus(text: &str) -> Option<BusKind> {
 
 /// What to do about an address of which one part is wrong.
 fn wrong_part(text: &str) -> Option<&'static str> {
-    if text.contains("slcan:") {
+    // An interface has no colon in its name: what has one was meant for an adapter.
+    let small = text.to_ascii_lowercase();
+    let can = small.strip_prefix("can:").is_some_and(|place| place.contains(':'));
+    if can || small.contains("slcan:") {
         return Some(
             "write can:slcan:/dev/ttyACM0, behind it if needed ?bitrate=N (bit/s of the CAN line), dbitrate=N (of \
              fast payloads) or baud=N (of the serial line), with & between them",
@@ -313,5 +316,15 @@ mod tests {
             let error = text.parse::<Address>().expect_err(text);
             assert!(error.to_string().contains("serial:/dev/ttyUSB0"), "{error}");
         }
+    }
+
+    #[test]
+    fn what_is_nearly_an_slcan_adapter_is_told_how_one_is_written() {
+        for text in ["can:slcna:/dev/a", "CAN:SLCAN:/dev/a", "slcan:/dev/a", "can:slcan:tcp:host"] {
+            let error = text.parse::<Address>().expect_err(text).to_string();
+            assert!(error.contains("write can:slcan:/dev/ttyACM0"), "{text}: {error}");
+        }
+        let error = "can:a/b".parse::<Address>().expect_err("no name").to_string();
+        assert!(!error.contains("write can:slcan:"), "{error}");
     }
 }
