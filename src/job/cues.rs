@@ -81,7 +81,11 @@ pub fn in_full(event: &Event<'_>) -> Vec<String> {
         Event::Foreseen(spans) => {
             let words = |span: &ViewSpan| {
                 let ViewSpan { row, label, start_s, end_s, .. } = span;
-                format!("foreseen: {row}, {start_s:.2} to {end_s:.2} s: {label}")
+                let when = match end_s - start_s >= 0.01 {
+                    true => format!("{start_s:.2} to {end_s:.2} s"),
+                    false => format!("at {start_s:.2} s"),
+                };
+                format!("foreseen: {row}, {when}: {label}")
             };
             spans.iter().map(words).collect()
         }

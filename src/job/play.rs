@@ -412,13 +412,19 @@ pub(super) fn prepare(
             let (path, planned) = plan_from(&robot, &start_rad, &motion, &options)?;
             let asked = path.stretched(1.0 / options.speed);
             let looked = bodily::look(&robot, &motion, &asked, &planned, options.hangs)?;
-            let (base, metrics) = (looked.0.as_ref(), &looked.1);
-            let (robot, motion, planned_) = (&robot, &motion, &planned);
-            let series = &Series::planned(planned_, robot.file.rate_hz);
-            let speed = options.speed;
-            let drawn =
-                RobotScene { robot, motion, planned: planned_, speed, base, metrics, series };
-            let foreseen = if looks { drawn.foreseen()? } else { Vec::new() };
+            let foreseen = || {
+                let drawn = RobotScene {
+                    robot: &robot,
+                    motion: &motion,
+                    planned: &planned,
+                    speed: options.speed,
+                    base: looked.0.as_ref(),
+                    metrics: &looked.1,
+                    series: &Series::planned(&planned, robot.file.rate_hz),
+                };
+                drawn.foreseen()
+            };
+            let foreseen = if looks { foreseen()? } else { Vec::new() };
             Ok((planned, looked, foreseen))
         })?
     };

@@ -14,11 +14,11 @@ use serde::Serialize;
 
 /// What places of the base are rounded to, m, and parts of its turn.
 const BASE_M: f64 = 1e-4;
+const TURN: f64 = 1.0 / 16_384.0;
 /// What corners of meshes are rounded to, m.
 const MESH_M: f64 = 1e-4;
-/// Triangles of all links together, at most: half a megabyte of a page.
+/// Triangles of meshes of all links together, at most.
 const TRIANGLES: usize = 40_000;
-const TURN: f64 = 1.0 / 16_384.0;
 /// Instants per second in which links are held against each other, at most.
 const LOOKS_HZ: f64 = 50.0;
 /// Spans of one pair of links that are no further apart are one, s.
