@@ -3,7 +3,7 @@
 //!
 //! The baseline is the same motion without `--view`, five times in the same run: a figure counts only beside their spread.
 //!
-//! Run: `cargo bench --bench looked_on` (or with a number of seconds for each run after `--`)
+//! Run: `cargo bench --bench looked_on`; after `--` a number of seconds for each run, and a word of the rows to be run.
 
 #[allow(dead_code)]
 #[path = "../tests/chromium/mod.rs"]
@@ -30,6 +30,7 @@ enum Who {
 
 fn main() {
     let seconds: f64 = std::env::args().find_map(|a| a.parse().ok()).unwrap_or(24.0);
+    let wanted = std::env::args().skip(1).find(|word| word.starts_with(char::is_alphabetic));
     let cpuinfo = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or("?");
     println!("processor{model}; gaitway {}", env!("CARGO_PKG_VERSION"));
@@ -49,14 +50,16 @@ fn main() {
         ("16 connections", Who::Sockets(16)),
         ("1 Chromium", Who::Chromium),
     ] {
+        if wanted.as_ref().is_some_and(|wanted| !name.contains(wanted.as_str())) {
+            continue;
+        }
         let run = run(&folder, who, seconds);
         let [p50, p99, p999, worst] = [0.5, 0.99, 0.999, 1.0].map(|share| at(&run.late_ms, share));
         print!("{name:<24} {p50:>7.2} {p99:>7.2} {p999:>7.2} {worst:>7.2} {:>7}", run.missed);
-        if run.age_ms.is_empty() {
-            println!();
-        } else {
-            println!("    {:.0}, {:.0}", at(&run.age_ms, 0.5), at(&run.age_ms, 0.99));
+        if !run.age_ms.is_empty() {
+            print!("    {:.0}, {:.0}", at(&run.age_ms, 0.5), at(&run.age_ms, 0.99));
         }
+        println!("{}", run.ended.map_or_else(String::new, |how| format!("    {how}")));
     }
     let _ = std::fs::remove_dir_all(&folder);
 }
@@ -72,6 +75,8 @@ struct Run {
     /// Sorted, ms; empty if nobody looked on.
     age_ms: Vec<f64>,
     missed: u64,
+    /// How it ended, if not as it was to.
+    ended: Option<String>,
 }
 
 fn now_s() -> f64 {
@@ -139,7 +144,8 @@ fn run(folder: &Path, who: Who, seconds: f64) -> Run {
         .map(|(at, showed)| (at - first - showed) * 1e3)
         .collect();
     age_ms.sort_by(f64::total_cmp);
-    Run { late_ms, age_ms, missed: report["missed_cycles"].as_u64().unwrap_or(0) }
+    let ended = report["stop_reason"].as_str().map(|why| format!("{}: {why}", report["outcome"]));
+    Run { late_ms, age_ms, missed: report["missed_cycles"].as_u64().unwrap_or(0), ended }
 }
 
 fn drain(mut said: BufReader<ChildStderr>) {

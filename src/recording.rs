@@ -73,6 +73,6 @@ pub use reader::{GoalSeries, Recording, Recovered, joint_series, read, recover, 
 pub use replay::{ReplayedSample, read_orientations};
 pub use sample::{BaseRecord, CycleRecord, JointRecord, RecordedJoint, RunEnd, RunStart};
 pub use sensor::{RecordedSource, SourceId, SourceKind, SourceRecord};
-pub use series::{SensorMoment, SensorSeries, run_start, sensor_series};
+pub use series::{SensorMoment, SensorSeries, run_start, sensor_series, told_of_run};
 pub use table::{Rows, write_csv};
 pub use writer::Recorder;

@@ -2,11 +2,12 @@
 //! UDP, `gaitway live` as a process of its own, a virtual OP3. Time is real here unless a recording
 //! is played: what a busy machine does to it is printed, not judged.
 
+mod page;
 mod program;
 
 use gaitway::body::worn::Wearing;
 use gaitway::body::worn::kept::Kept;
-use gaitway::body::{Dof, JointAngles, Segment, SegmentPose};
+use gaitway::body::{Dof, Joint, JointAngles, Segment, SegmentPose};
 use gaitway::job::model::robot_model;
 use gaitway::job::simulate::person::{Person, RATE_HZ};
 use gaitway::job::source::body_motion;
@@ -14,6 +15,7 @@ use gaitway::mocap::retarget::{Online, Settings};
 use gaitway::recording::{self, read_orientations};
 use gaitway::robot::Robot;
 use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
+use glam::{DQuat, DVec3};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, UdpSocket};
@@ -183,7 +185,7 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     let output = gaitway(&folder)
         .args(words("live --wear body/wear.toml --robot op3 --bus sim:pty --n-pose-after 500ms"))
         .args(words("--moves bow --for 18s --record live.mcap --calibration-body body.toml"))
-        .args(words("--subject p1 --rate 50 --json"))
+        .args(words("--subject p1 --rate 50 --html live.html --json"))
         .output()
         .expect("runs");
     let report = json(&output);
@@ -192,6 +194,7 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     assert_eq!(report["referee"]["violations"], serde_json::json!([]));
     assert_eq!(report["sensors"].as_array().map(Vec::len), Some(13));
     assert!(report["worn"].as_object().expect("segments").values().all(|worn| worn == true));
+    assert_eq!(report["html"], "live.html");
     for sensor in report["body"]["sensors"].as_array().expect("sensors") {
         let segment = sensor["segment"].as_str().expect("a name");
         let by = match segment {
@@ -233,6 +236,86 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     assert!(robot_deg < 8.0, "{robot_deg}");
 
     take_up_what_was_kept(&folder);
+    whom_it_followed_stands_beside_it(&folder);
+    the_recording_knows_its_wearer(&folder);
+}
+
+/// The page of the recording has the robot and, in its time, whoever wore the sensors: the knee of the page bends when the
+/// sensors said so.
+fn whom_it_followed_stands_beside_it(folder: &Path) {
+    let html = std::fs::read_to_string(folder.join("live.html")).expect("written");
+    let data = crate::page::data(&html);
+    let links = data["robot"]["links"].as_array().map_or(0, Vec::len);
+    assert!(links > 20, "{links}");
+    let person = &data["person"];
+    let [hip, knee, ankle] = [Joint::RightHip, Joint::RightKnee, Joint::RightAnkle]
+        .map(|joint| crate::page::rows::<3>(&person["points"][joint.index()]));
+    let bend = |at: usize| {
+        let [hip, knee, ankle] = [&hip, &knee, &ankle].map(|of| DVec3::from(of[at]));
+        std::f64::consts::PI - (hip - knee).angle_between(ankle - knee)
+    };
+    let clock = &person["clock"];
+    let time_s: Vec<f64> = match clock["rate_hz"].as_f64() {
+        Some(rate_hz) => (0..hip.len()).map(|n| n as f64 / rate_hz).collect(),
+        None => crate::page::series(&clock["times_s"]),
+    };
+    assert!(time_s[time_s.len() - 1] > 10.0, "{clock}");
+
+    let file = folder.join("live.mcap");
+    let recording = recording::read(&file).expect("recorded");
+    let start = recording.start.as_ref().expect("a start");
+    let began_ns = start.wall_nanos(recording.cycles[0].at);
+    let text = std::fs::read_to_string(folder.join("body.toml")).expect("kept");
+    let kept = Kept::parse(&text).expect("a calibration");
+    let series = recording::sensor_series(&file).expect("recorded");
+    // The bend of the knee as two sensors say it, by the moments of the shank's.
+    let turned = |segment: Segment| {
+        let at = kept.calibration.mounts.iter().position(|mount| mount.segment == segment).unwrap();
+        let mount = &kept.calibration.mounts[at];
+        let moments = series.sensors[&kept.sensors[at]].iter();
+        let told = moments.filter_map(|moment| Some((moment.taken_ns, moment.orientation?)));
+        told.map(|(at_ns, q)| (at_ns, q * mount.sensor_from_segment)).collect::<Vec<_>>()
+    };
+    let (thigh, shank) = (turned(Segment::RightThigh), turned(Segment::RightShank));
+    let said = |at_s: f64| {
+        let at_ns = began_ns as f64 + at_s * 1e9;
+        let of = |told: &[(u64, DQuat)]| {
+            told.get(told.partition_point(|told| (told.0 as f64) < at_ns)).map(|told| told.1)
+        };
+        let vertical = |turn: DQuat| turn * DVec3::Z;
+        Some(vertical(of(&thigh)?).angle_between(vertical(of(&shank)?)))
+    };
+    let apart = |lag_s: f64| {
+        let pairs =
+            time_s.iter().enumerate().filter_map(|(n, at_s)| Some((bend(n), said(at_s + lag_s)?)));
+        let squares: Vec<f64> = pairs.map(|(drawn, said)| (drawn - said).powi(2)).collect();
+        rms_deg(squares.iter().sum(), squares.len())
+    };
+    let lags = (-50..=50).map(|n| f64::from(n) * 0.01);
+    let best_s = lags.min_by(|a, b| apart(*a).total_cmp(&apart(*b))).expect("lags");
+    let (here, elsewhere) = (apart(0.0), apart(0.3));
+    println!("the page: knee {here:.2} deg from what sensors said, {elsewhere:.2} deg 0.3 s later");
+    assert!(best_s.abs() <= 0.02, "{best_s}");
+    assert!(elsewhere > 2.0 * here, "{here} {elsewhere}");
+}
+
+/// A recording of `live` becomes a body's file without a calibration beside it; as a table it is what sensors said.
+fn the_recording_knows_its_wearer(folder: &Path) {
+    for (file, holds) in [("wearer.bvh", "HIERARCHY"), ("said.csv", "sensor,number,")] {
+        let output = gaitway(folder).args(["convert", "live.mcap", file]).output().expect("runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = std::fs::read_to_string(folder.join(file)).expect("written");
+        assert!(text.contains(holds), "{}", &text[..200.min(text.len())]);
+    }
+    // What was replayed is not recorded once more: there, the robot is alone.
+    let output = gaitway(folder)
+        .args(["info", "again.mcap", "--html", "again.html"])
+        .output()
+        .expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let html = std::fs::read_to_string(folder.join("again.html")).expect("written");
+    let data = crate::page::data(&html);
+    assert!(data["robot"].is_object() && data["person"].is_null());
 }
 
 /// What the person does is named, in the report and in the recording: strides, and nothing else.

@@ -349,6 +349,15 @@ fn in_a_browser_the_robot_moves_as_it_is_told_and_a_button_stops_it() {
     view.tell(&LiveFrame::of(0.05, shoulder(0.0)));
     until(&mut browser, "gaitway.figures().duration === 0.05");
 
+    // Here a processor draws, which may be the one that moves a robot: ten pictures a second are enough, and of what is
+    // looked at again each is drawn.
+    assert_eq!(browser.value("gaitway.spares()"), true);
+    let mut due = |spares: bool| {
+        let stamps = "[0, 16, 99, 100, 133, 199, 200]";
+        browser.value(&format!("gaitway.due({spares}, {stamps})")).to_string()
+    };
+    assert_eq!([due(true), due(false)], ["[0,100,200]", "[0,16,99,100,133,199,200]"]);
+
     assert!(!view.wants_to_stop());
     browser.value("document.getElementById('stop').click()");
     until(&mut browser, "document.getElementById('stop').textContent === 'told to stop'");

@@ -8,7 +8,10 @@ use super::wearing::WearingArgs;
 use super::{Deed, Output, Remarks, play};
 use crate::error::Error;
 use crate::job::live::{LiveOrder, When, live};
+use crate::job::page::file::page as file_page;
 use crate::job::page::live::Shows;
+use crate::job::report::PlayReport;
+use crate::job::source::CaptureOptions;
 use crate::job::vmc::Avatar;
 use crate::rig::Address;
 use crate::time::{Duration, listening_time};
@@ -45,6 +48,9 @@ pub struct LiveArgs {
     /// Record goals, measured states and the samples of all sensors to this file
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    /// Write a page of that recording: the robot, and whoever wore the sensors beside it
+    #[arg(long, value_name = "FILE.html", requires = "record")]
+    html: Option<PathBuf>,
     /// Move servos whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
@@ -130,9 +136,22 @@ impl LiveArgs {
         self.view.open(self.robot.as_deref(), &self.bus, &what, shows)
     }
 
+    /// Writes the page of what was recorded, if one is wanted.
+    fn add_page(&self, run: &mut PlayReport) {
+        let Some((page, recording)) = self.html.as_ref().zip(run.recording.as_ref()) else {
+            return;
+        };
+        let made = file_page(Path::new(recording), &CaptureOptions::default());
+        match made.and_then(|html| self.output.write_file(page, html.as_bytes())) {
+            Ok(()) => run.html = Some(page.display().to_string()),
+            Err(error) => run.describe_no_page(&error),
+        }
+    }
+
     /// Fails if what is followed would be written over, also by a report of a refusal.
     fn check_read_files(&self) -> Result<(), Error> {
-        let recording: Vec<&Path> = self.record.as_deref().into_iter().collect();
+        let written = [self.record.as_deref(), self.html.as_deref()];
+        let recording: Vec<&Path> = written.into_iter().flatten().collect();
         let read = self
             .from
             .iter()
@@ -157,12 +176,14 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
         viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
         Ok(report)
     };
-    let checked = args.output.check_files(&[&args.record]);
-    let report = checked.and_then(|()| args.view()).and_then(followed).unwrap_or_else(|error| {
-        let mut report = order.report();
-        report.run.describe_refused(&error);
-        report
-    });
+    let checked = args.output.check_files(&[&args.record, &args.html]);
+    let mut report =
+        checked.and_then(|()| args.view()).and_then(followed).unwrap_or_else(|error| {
+            let mut report = order.report();
+            report.run.describe_refused(&error);
+            report
+        });
+    args.add_page(&mut report.run);
     let code = report.run.exit_code(signals.first());
     let deed = if args.dry_run { Deed::Look } else { Deed::Motion };
     Ok(args.output.conclude(&report, &report.text(remarks.quiet), deed, code))

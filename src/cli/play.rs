@@ -9,7 +9,7 @@ use super::{Deed, Output, Remarks};
 use crate::error::Error;
 use crate::job::page::{self, live::Shows};
 use crate::job::play::{self, Accept, Options, PlayOrder, Played, Rounds};
-use crate::job::report::{Outcome, PlayReport};
+use crate::job::report::PlayReport;
 use crate::rig::Address;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
@@ -177,11 +177,7 @@ impl PlayArgs {
         let page = page::page(&report, scene);
         let written = page.and_then(|page| self.output.write_file(path, page.as_bytes()));
         if let Err(error) = written {
-            report.html = None;
-            report.notes.push(error.to_string());
-            if report.outcome == Outcome::Done {
-                report.outcome = Outcome::DoneWithLoss;
-            }
+            report.describe_no_page(&error);
         }
         report
     }

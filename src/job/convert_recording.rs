@@ -63,7 +63,9 @@ pub fn convert_recording(order: &RecordingOrder) -> Result<RecordingReport, Erro
         let start = recording::run_start(&order.recording)?;
         let metadata = start.as_ref().map(|start| start.metadata.clone()).unwrap_or_default();
         let is_of_robot = start.as_ref().is_some_and(|start| !start.joints.is_empty());
-        match worn(order, &metadata)? {
+        // With a robot a table has what was recorded; the person whom it followed is in files of bodies.
+        let is_table = kind == "csv" && is_of_robot;
+        match worn(order, is_table)? {
             Some(kept) => angles(order, kind, &kept, metadata)?,
             None if kind == "csv" => samples(order)?,
             None if is_of_robot => {
@@ -88,14 +90,14 @@ pub fn convert_recording(order: &RecordingOrder) -> Result<RecordingReport, Erro
 }
 
 /// How the sensors were worn, if that is known.
-fn worn(
-    order: &RecordingOrder,
-    metadata: &BTreeMap<String, String>,
-) -> Result<Option<Kept>, Error> {
-    let (text, place): (String, &Path) = match (&order.calibration, metadata.get(BODY_KEY)) {
-        (Some(path), _) => (gaitway_profiles::read_text(path)?, path),
-        (None, Some(text)) => (text.clone(), &order.recording),
-        (None, None) => return Ok(None),
+fn worn(order: &RecordingOrder, is_table: bool) -> Result<Option<Kept>, Error> {
+    let (text, place): (String, &Path) = match &order.calibration {
+        Some(path) => (gaitway_profiles::read_text(path)?, path),
+        None if is_table => return Ok(None),
+        None => match recording::told_of_run(&order.recording, BODY_KEY)? {
+            Some(text) => (text, &order.recording),
+            None => return Ok(None),
+        },
     };
     Kept::parse(&text).map(Some).map_err(|e| e.at(place.display().to_string()))
 }

@@ -14,6 +14,7 @@ use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd
 use crate::rig::Connection;
 use crate::robot::Joint;
 use crate::time::Instant;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -89,6 +90,8 @@ pub struct RunRecorder {
     /// performances.
     next_cycle: u64,
     first_cycle: u64,
+    /// What the recording is told of itself once it is closed.
+    told: BTreeMap<String, String>,
 }
 
 impl RunRecorder {
@@ -122,6 +125,7 @@ impl RunRecorder {
             began: None,
             next_cycle: 0,
             first_cycle: 0,
+            told: BTreeMap::new(),
         })
     }
 
@@ -170,6 +174,7 @@ impl RunRecorder {
             began: None,
             next_cycle: 0,
             first_cycle: 0,
+            told: BTreeMap::new(),
         })
     }
 
@@ -189,6 +194,11 @@ impl RunRecorder {
     #[must_use]
     pub fn shared(&self) -> Option<Arc<Recorder>> {
         self.recorder.as_ref().map(|(recorder, _)| Arc::clone(recorder))
+    }
+
+    /// Once the recording is closed it has this word under this key of its metadata.
+    pub(super) fn tell(&mut self, key: &str, word: String) {
+        self.told.insert(key.to_owned(), word);
     }
 
     /// The series kept for plots.
@@ -222,7 +232,7 @@ impl RunRecorder {
             outcome: word.and_then(|w| w.as_str().map(str::to_owned)).unwrap_or_default(),
             stop_reason: report.stop_reason.clone(),
             at,
-            metadata: Default::default(),
+            metadata: std::mem::take(&mut self.told),
         };
         report.recording = Some(path.display().to_string());
         let Some(recorder) = Arc::into_inner(recorder) else {

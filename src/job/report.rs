@@ -424,6 +424,15 @@ impl PlayReport {
         self.stop_reason = Some(error.to_string());
     }
 
+    /// There is no page, and why; all else is as it was.
+    pub fn describe_no_page(&mut self, error: &Error) {
+        self.html = None;
+        self.notes.push(format!("no page was written: {error}"));
+        if self.outcome == Outcome::Done {
+            self.outcome = Outcome::DoneWithLoss;
+        }
+    }
+
     /// Says that the operator stopped it before torque came on.
     pub fn describe_stopped(&mut self) {
         self.outcome = Outcome::Stopped;

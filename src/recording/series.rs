@@ -109,6 +109,30 @@ pub fn run_start(path: &Path) -> Result<Option<RunStart>, Error> {
     }
 }
 
+/// A word that a recording has under a key of its metadata: said at its start, or once it was closed.
+///
+/// # Errors
+/// If the file cannot be opened or is no MCAP recording.
+pub fn told_of_run(path: &Path, key: &str) -> Result<Option<String>, Error> {
+    let mut told = None;
+    let scanned = scan(BufReader::new(open(path)?), |found| match found {
+        Found::Message { channel, body, .. }
+            if Topic::from_name(&channel.topic) == Some(Topic::Run) =>
+        {
+            let Some(run) = parse::<Run>(body) else { return Ok(()) };
+            let said = [run.start.map(|start| start.metadata), run.end.map(|end| end.metadata)];
+            told = said.into_iter().flatten().find_map(|mut metadata| metadata.remove(key));
+            // Nothing that follows is of interest then.
+            if told.is_some() { Err(Error::new("enough was read")) } else { Ok(()) }
+        }
+        _ => Ok(()),
+    });
+    match scanned {
+        Err(error) if told.is_none() => Err(error.at(path.display().to_string())),
+        _ => Ok(told),
+    }
+}
+
 impl SensorSeries {
     /// Wall clock at the start, nanoseconds since 1970.
     #[must_use]

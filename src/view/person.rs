@@ -173,6 +173,16 @@ impl PersonTrack {
         self
     }
 
+    /// The same from this time of the scene on, s.
+    #[must_use]
+    pub fn from(mut self, late_s: f64) -> Self {
+        if late_s > 0.0 {
+            let times_s: Vec<f64> = self.clock.times_s().iter().map(|at_s| at_s + late_s).collect();
+            self.clock = SampleClock::of(&times_s);
+        }
+        self
+    }
+
     /// A person whose poses are thinned to as many a second as are drawn; the floor of the scene is at zero.
     #[must_use]
     pub fn of(scene: &Scene<'_>) -> Self {

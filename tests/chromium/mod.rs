@@ -46,7 +46,9 @@ impl Browser {
     }
 
     fn start_as(name: &str, folder: &Path) -> Result<Self, String> {
-        let mut child = Command::new(name)
+        // As on a desktop, a browser is a session of its own: the kernel shares its processors out by sessions.
+        let mut child = Command::new("setsid")
+            .arg(name)
             .args(["--headless=new", "--no-sandbox", "--no-first-run", "--disable-dev-shm-usage"])
             .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"])
             .args(["--disable-background-networking", "--disable-extensions", "--mute-audio"])

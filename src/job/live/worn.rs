@@ -37,6 +37,7 @@ use crate::sensing::{
     Ended, Feed, Guide, Guided, Intake, LOOK, Person, Place, SensingEvent, Sensors, Source,
     SourceReport, StopAtEnd, Wear,
 };
+use crate::session::files::BODY_KEY;
 use crate::time::{Duration, Instant};
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -199,7 +200,7 @@ impl Job<'_> {
         &mut self,
         sensors: &mut Sensors,
         ready: Option<Ready>,
-        recorder: Option<RunRecorder>,
+        mut recorder: Option<RunRecorder>,
         answers: Answers,
         tell: Sender<LiveWord>,
         clock: &dyn Clock,
@@ -219,6 +220,10 @@ impl Job<'_> {
             }
         };
         self.report.body = Some(BodyReport::of(&guided));
+        // How the sensors are worn is known only now; without it nobody could be seen in the recording.
+        if let Some((recorder, text)) = recorder.as_mut().zip(guided.kept.text().ok()) {
+            recorder.tell(BODY_KEY, text);
+        }
         let wearing = Wearing::new(&guided.kept.calibration);
         self.report.worn = wearing.worn();
         let naming = match self.naming(recorder.as_ref()) {

@@ -95,13 +95,26 @@ pub(in crate::job) fn shown(path: &Path, options: &CaptureOptions) -> Result<Sho
         let (capture, _) = source::body_motion(&page.title, None, options)?;
         page.scene = super::body::person(&capture)?;
         page.notes = capture.notes;
-    } else if let Some(scene) = worn(path, &mut page.notes)? {
-        page.scene = scene;
     } else {
-        let recording = recording::read(path)?;
-        (page.scene, robot) = recorded(&recording, &mut page.notes)
-            .map_err(|error| error.at(path.display().to_string()))?;
-        start_ns = began_ns(&recording);
+        let of_robot = recording::run_start(path)?.is_some_and(|start| !start.joints.is_empty());
+        let recording = of_robot.then(|| recording::read(path)).transpose()?;
+        start_ns = recording.as_ref().map_or(0, began_ns);
+        let person = worn(path, start_ns, &mut page.notes)?;
+        let shows_robot = person.is_none() || start_ns > 0;
+        if shows_robot {
+            let recording = recording.map_or_else(|| recording::read(path), Ok)?;
+            (page.scene, robot) = recorded(&recording, &mut page.notes)
+                .map_err(|error| error.at(path.display().to_string()))?;
+        }
+        match person {
+            // Whom the robot followed stands beside it, in its time.
+            Some(person) if shows_robot => {
+                page.scene.person = person.person;
+                page.scene.spans.extend(person.spans);
+            }
+            Some(person) => page.scene = person,
+            None => {}
+        }
     }
     let duration = format!("{:.2} s", page.scene.duration_s);
     page.summary_rows.push(("duration".to_owned(), duration));
@@ -118,8 +131,9 @@ fn began_ns(recording: &Recording) -> u64 {
     (began.as_nanos() as u64).saturating_add((since_s.max(0.0) * 1e9) as u64)
 }
 
-/// The person who wore the sensors of a recording that knows how they were worn.
-fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error> {
+/// The person who wore the sensors of a recording that knows how they were worn, from this wall clock on, ns since 1970;
+/// zero: from their first pose on.
+fn worn(path: &Path, from_ns: u64, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error> {
     let Some((motion, series, kept)) = source::recorded::worn(path, WORN_HZ)? else {
         return Ok(None);
     };
@@ -127,7 +141,13 @@ fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error
     if !not_worn.is_empty() {
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
     }
-    let WornMotion { body, poses, rate_hz, worn, .. } = &motion;
+    let WornMotion { body, poses, rate_hz, worn, measured, start_ns, .. } = &motion;
+    let from_ns = if from_ns > 0 { from_ns } else { *start_ns };
+    let before = (from_ns.saturating_sub(*start_ns) as f64 * 1e-9 * rate_hz).ceil() as usize;
+    let (poses, measured) = (poses.get(before..), measured.get(before..));
+    let Some((poses, measured)) = poses.zip(measured).filter(|(poses, _)| !poses.is_empty()) else {
+        return Ok(None);
+    };
     let mut scene = super::body::in_poses(body, poses, *rate_hz, worn, false);
     let sensors = kept.calibration.mounts.iter().zip(&kept.sensors).map(|(mount, name)| {
         let segment_from_sensor = mount.sensor_from_segment.inverse();
@@ -138,16 +158,17 @@ fn worn(path: &Path, notes: &mut Vec<String>) -> Result<Option<ViewScene>, Error
         DrawnSensor {
             name: name.clone(),
             segment: mount.segment,
-            turns: poses.iter().zip(&motion.measured).map(turn).collect(),
+            turns: poses.iter().zip(measured).map(turn).collect(),
         }
     });
     let sensors: Vec<DrawnSensor> = sensors.collect();
-    scene.person = scene.person.map(|person| person.wearing(sensors, *rate_hz));
+    let late_s = start_ns.saturating_sub(from_ns) as f64 * 1e-9;
+    scene.person = scene.person.map(|person| person.wearing(sensors, *rate_hz).from(late_s));
+    scene.duration_s += late_s;
     let began = series.start.as_ref().map(|start| start.monotonic_start).unwrap_or_default();
-    // Poses begin when all sensors have spoken.
-    let late_s = (motion.start_ns as f64 - series.start_ns() as f64) * 1e-9;
+    let since_start_s = (from_ns as f64 - series.start_ns() as f64) * 1e-9;
     scene.spans.extend(series.markers.iter().map(|mark| {
-        let at_s = mark.at.seconds_since(began) - late_s;
+        let at_s = mark.at.seconds_since(began) - since_start_s;
         ViewSpan::new(SpanKind::Event, "marked", &mark.text, at_s, at_s)
     }));
     Ok(Some(scene))

@@ -55,11 +55,15 @@ pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
 /// # Errors
 /// A file that cannot be read, or whose sensors cannot have been worn so.
 pub fn worn(path: &Path, rate_hz: f64) -> Result<Option<(WornMotion, SensorSeries, Kept)>, Error> {
-    let metadata = recording::run_start(path)?.map(|start| start.metadata).unwrap_or_default();
-    let Some(text) = metadata.get(BODY_KEY) else { return Ok(None) };
+    let Some(text) = recording::told_of_run(path, BODY_KEY)? else { return Ok(None) };
     let at_path = |error: Error| error.at(path.display().to_string());
-    let kept = Kept::parse(text).map_err(at_path)?;
+    let kept = Kept::parse(&text).map_err(at_path)?;
     let series = recording::sensor_series(path)?;
+    // Somebody whose recording was replayed is not recorded once more.
+    if series.sensors.is_empty() {
+        return Ok(None);
+    }
+    let metadata = series.start.as_ref().map(|start| start.metadata.clone()).unwrap_or_default();
     let motion = WornMotion::of(&series, &kept, body_of(&metadata)?, rate_hz).map_err(at_path)?;
     Ok(Some((motion, series, kept)))
 }

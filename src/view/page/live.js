@@ -22,6 +22,20 @@ function growing() {
   };
 }
 
+// Where the processor draws, it may be the one that moves the robot: so long passes there between two pictures of what comes, ms.
+const SPARING_MS = 100;
+
+// When a picture of what comes is drawn.
+class Pace {
+  constructor(spares) { this.spares = spares; this.last = -Infinity; }
+
+  isDue(stamp) {
+    if (this.spares && stamp - this.last < SPARING_MS) return false;
+    this.last = stamp;
+    return true;
+  }
+}
+
 // The time that goes on, whatever is told: false if it did not. A clock that begins anew is another run.
 class LiveClock {
   constructor() { this.clock = growing(); this.runs = 0; }

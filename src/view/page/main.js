@@ -29,6 +29,7 @@ let now = 0, playing = false, before = null, stale = true, frames = 0, slowest =
 // Key frames are made: what is drawn and played is their motion.
 let editing = false, editor = null, held = null;
 const isNow = () => isLive && !editing;
+const pace = new Pace(isLive && isDrawnByProcessor());
 
 const active = t => data.spans.filter(span => !span.before && span.start_s <= t + 1e-6 && t <= Math.max(span.end_s, span.start_s + 0.05));
 const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
@@ -37,7 +38,7 @@ const isWrong = t => new Set(active(t).flatMap(span => span.links || []));
 let stage = null;
 const nothing = byId("nothing");
 if (robot || person || markers) {
-  try { stage = new Stage(canvas, { robot, persons, markers, plates, isWrong }); } catch (error) {
+  try { stage = new Stage(canvas, { robot, persons, markers, plates, isWrong, spares: pace.spares }); } catch (error) {
     nothing.textContent = `This browser draws nothing in space (${error.message}): signals and times are below.`;
   }
 } else { nothing.textContent = joints ? "Nothing is drawn in space: the robot's file does not say where its joints are." : ""; }
@@ -329,7 +330,7 @@ function redraw() {
 
 function tick(stamp) {
   if (playing && isNow()) {
-    if (now !== duration) { now = duration; stale = true; }
+    if (now !== duration && pace.isDue(stamp)) { now = duration; stale = true; }
   } else if (playing) {
     if (before !== null) {
       let next = now + ((stamp - before) / 1000) * Number(byId("speed").value);
@@ -381,7 +382,8 @@ if (isLive) {
     if (!isNew || editing) return;
     duration = Math.max(stepClock.time(stepClock.count - 1), 1e-3);
     view.duration = duration; headInput.max = duration;
-    stale = true;
+    // What comes is drawn when its picture is due.
+    if (!playing) stale = true;
   });
   source.addEventListener("happened", event => happen(Number(event.lastEventId), JSON.parse(event.data)));
   // The browser tries again by itself.
@@ -520,6 +522,9 @@ window.gaitway = {
   },
   // Where on the window a place of a link is.
   seen: (link, local) => { const { at, turn } = robot.places(now, "present")[link], box = canvas.getBoundingClientRect(); return stage.project(plus(at, turned(turn, local))).map((part, k) => part + (k ? box.top : box.left)); },
+  // At which of these moments, ms, a picture of what comes would be drawn, sparingly or not; and how it is here.
+  due: (spares, stamps) => { const one = new Pace(spares); return stamps.filter(at => one.isDue(at)); },
+  spares: () => pace.spares,
   redraw,
 };
 requestAnimationFrame(tick);

@@ -5,14 +5,23 @@ const PARTS = {
   support: "support", contacts: "contacts", collisions: "touching links", forces: "force plates", sensors: "sensors",
 };
 
+// Whether pictures are drawn by the processor, for want of a graphics card.
+function isDrawnByProcessor() {
+  const gl = document.createElement("canvas").getContext("webgl2"), names = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl ? String(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 class Stage {
-  constructor(canvas, { robot, persons, markers, plates, isWrong }) {
+  // `spares`: less is drawn, for the sake of whatever else the processor does.
+  constructor(canvas, { robot, persons, markers, plates, isWrong, spares }) {
     const person = persons[0] || null;
     Object.assign(this, { canvas, robot, person, persons, markers, plates, isWrong });
     this.turn = robot && person ? -0.3 : -0.8; this.tilt = 0.2; this.zoom = 1; this.follows = true; this.chosen = new Set();
     this.shown = {};
-    this.gl = new THREE.WebGLRenderer({ canvas, antialias: true });
-    this.gl.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
+    this.gl = new THREE.WebGLRenderer({ canvas, antialias: !spares });
+    this.gl.setPixelRatio(spares ? 1 : Math.min(2, window.devicePixelRatio || 1));
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(38, 1, 0.01, 200);
     this.camera.up.set(0, 0, 1);
