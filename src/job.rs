@@ -2,6 +2,7 @@
 //! and ends in a typed report. It prints nothing, reads no keys and knows no command line.
 
 mod bodily;
+pub mod bvh_stream;
 pub mod calibrate;
 pub mod clean;
 mod clean_aids;
@@ -36,6 +37,7 @@ pub mod live;
 pub mod markers;
 pub mod model;
 pub mod monitor;
+mod motion_words;
 pub mod names;
 mod npz;
 pub mod observer;

@@ -14,7 +14,7 @@
 //!
 //! # Channels
 //! All messages are JSON with a JSON schema inside the file, so that a person can read them and
-//! no tool needs our code.
+//! no tool needs our code. Samples of sensors may be protobuf instead ([`SampleEncoding`]), with its description inside.
 //!
 //! | topic | schema | holds |
 //! |---|---|---|
@@ -45,12 +45,14 @@
 mod bounded;
 mod crc;
 mod disk;
+mod imu_message;
 mod log;
 mod marker;
 mod mcap_file;
 mod message;
 mod messages;
 mod overview;
+mod packed;
 mod packing;
 mod reader;
 mod record;
@@ -64,6 +66,7 @@ mod writer;
 
 pub use crc::crc32;
 pub use disk::{Disk, Syncer};
+pub use imu_message::SampleEncoding;
 pub use log::{Pace, Summary};
 pub use marker::Marker;
 pub use messages::{MessageFile, Schema};

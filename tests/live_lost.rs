@@ -10,7 +10,8 @@ use gaitway::job::Nobody;
 use gaitway::job::live::{LiveOrder, LiveReport, live};
 use gaitway::job::report::Outcome;
 use gaitway::recording::{
-    self, RecordedSource, Recorder, RunEnd, RunStart, SourceKind, SourceRecord, sensor_series,
+    self, RecordedSource, Recorder, RunEnd, RunStart, SampleEncoding, SourceKind, SourceRecord,
+    sensor_series,
 };
 use gaitway::robot::Robot;
 use gaitway::sensing::{Answer, Cue, Person, Plan};
@@ -152,6 +153,7 @@ fn order(folder: &Path, keep_going: bool) -> LiveOrder {
         buses: vec!["sim".parse().expect("an address")],
         calibration: None,
         seed: 0,
+        samples: SampleEncoding::Protobuf,
         rate_hz: Some(RATE_HZ),
         time: None,
         plan: Plan {

@@ -9,7 +9,14 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use gaitway::recording::{Compression, Recorder, read, recover, recover_packed, summary};
+use gaitway::capture::{Captured, Fused, Order, Stamp};
+use gaitway::device::sensor::SensorSample;
+use gaitway::recording::{
+    Compression, RecordedSource, Recorder, RunStart, SampleEncoding, SourceKind, SourceRecord,
+    read, recover, recover_packed, summary,
+};
+use glam::{DQuat, DVec3};
+use std::time::Duration;
 
 #[path = "recording/scene.rs"]
 mod scene;
@@ -164,4 +171,94 @@ fn the_reference_reader_finds_what_was_recorded() {
     assert_eq!(seen["message_count"], recovered.messages);
     assert_eq!(seen["counts"], counts);
     assert_eq!(seen["metadata"]["gaitway.recovered"]["was_finished"], "false");
+}
+
+/// Decodes by the description in the file.
+const DECODE: &str = r#"
+import json, struct, sys
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+samples = []
+with open(sys.argv[1], "rb") as file:
+    reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+    for schema, channel, message, decoded in reader.iter_decoded_messages(["/imu/left/sample"]):
+        def parts(name, of):
+            value = getattr(decoded, name)
+            return [struct.unpack("<I", struct.pack("<f", getattr(value, part)))[0] for part in of] if decoded.HasField(name) else None
+        order = decoded.DESCRIPTOR.fields_by_name["order"].enum_type.values_by_number[decoded.order].name
+        samples.append([decoded.timestamp.seconds * 10**9 + decoded.timestamp.nanos, decoded.number, order,
+                        parts("angular_velocity", "xyz"), parts("orientation", "wz"), parts("fused", "wx"), decoded.settled,
+                        decoded.device_ticks if decoded.HasField("device_ticks") else None])
+print(json.dumps(samples))
+"#;
+
+#[test]
+fn samples_in_few_bytes_are_decoded_by_others_from_what_the_file_says_of_them() {
+    let python = match python::python() {
+        Ok(python) => python.program,
+        Err(cause) => {
+            aloud!("SKIPPED: no Python with the mcap package, nothing was decoded: {cause}");
+            return;
+        }
+    };
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-packed-samples");
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("packed.mcap");
+    let begun = RunStart { joints: Vec::new(), ..start() };
+    let began = begun.monotonic_start;
+    let recorder = Recorder::create_for_sources(&path, false, begun).unwrap();
+    recorder.write_samples_as(SampleEncoding::Protobuf);
+    let (name, metadata) = ("left".to_owned(), Default::default());
+    let id = recorder.add_source(RecordedSource { name, metadata, kind: SourceKind::Imu });
+    let rate = |n: u64| (n % 4 != 0).then(|| DVec3::new(0.5 * n as f64, -0.25, 8.0));
+    let fused = |n: u64| Fused {
+        orientation: DQuat::from_rotation_x(0.2 * n as f64),
+        settled: n > 20,
+        bias_rad_s: DVec3::ZERO,
+        bias_sigma_rad_s: 0.0,
+        at_rest: false,
+        magnetically_disturbed: true,
+    };
+    for n in 0..40_u64 {
+        let at = began + Duration::from_millis(10 * n);
+        let order = if n == 7 { Order::Reset } else { Order::Next };
+        let stamp = Stamp {
+            arrival: at,
+            taken: at,
+            number: n,
+            step_s: 0.01,
+            missed: 0,
+            estimated: 0,
+            order,
+        };
+        let sample = SensorSample {
+            angular_rate_rad_s: rate(n),
+            orientation: Some(DQuat::from_rotation_z(0.1 * n as f64)),
+            ticks: (n > 3).then_some(n << 40),
+            ..SensorSample::default()
+        };
+        let captured = Captured { stamp, sample, fused: (n > 9).then(|| fused(n)), stuck: false };
+        recorder.take_record(id, SourceRecord::Sample(Box::new(captured)));
+    }
+    assert!(recorder.finish(end(1)).is_complete());
+
+    let output = Command::new(&python).args(["-c", DECODE]).arg(&path).output().expect("it runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let seen: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let first_ns = seen[0][0].as_u64().unwrap();
+    // Numbers have 24 bits in the file, and are told as those.
+    let short = |value: f64| (value as f32).to_bits();
+    for n in 0..40_u64 {
+        let at_ns = first_ns + 10_000_000 * n;
+        let order = if n == 7 { "RESET" } else { "NEXT" };
+        let rate = rate(n).map(|rate| rate.to_array().map(short));
+        let own = DQuat::from_rotation_z(0.1 * n as f64);
+        let turned = (n > 9).then(|| fused(n).orientation).map(|of| [of.w, of.x].map(short));
+        let ticks = (n > 3).then_some(n << 40);
+        let own = [own.w, own.z].map(short);
+        let wanted = serde_json::json!([at_ns, n, order, rate, own, turned, n > 20, ticks]);
+        assert_eq!(seen[n as usize], wanted);
+    }
 }

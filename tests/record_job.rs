@@ -5,7 +5,7 @@ mod program;
 use gaitway::job::Nobody;
 use gaitway::job::record::{Mode, RecordOrder, record};
 use gaitway::port::{Clock, MonotonicClock};
-use gaitway::recording::{Marker, sensor_series};
+use gaitway::recording::{Marker, SampleEncoding, sensor_series};
 use gaitway::time::Duration;
 use std::io::Write;
 use std::net::TcpListener;
@@ -78,6 +78,7 @@ fn a_mark_that_was_set_before_the_recording_began_is_one_of_its_beginning() {
         mode: Mode::SixAxes,
         rate_hz: 50.0,
         limp: false,
+        samples: SampleEncoding::Json,
     };
     let report = record(&order, &marks, &Nobody).expect("a recording");
     assert!(report.is_whole(), "{report:?}");

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant as Clock, UNIX_EPOCH};
 
-use gaitway::capture::{Captured, Order, Stamp};
+use gaitway::capture::{Captured, Fused, Order, Stamp};
 use gaitway::device::sensor::SensorSample;
 use gaitway::recording::{
-    Overview, Pace, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
-    recover, sensor_series, summary, write_csv,
+    Overview, Pace, RecordedSource, Recorder, ReplayedSample, RunEnd, RunStart, SampleEncoding,
+    SourceId, SourceKind, SourceRecord, read_orientations, recover, sensor_series, summary,
+    write_csv,
 };
 use gaitway::time::Instant;
 use glam::{DQuat, DVec3};
@@ -117,6 +118,135 @@ fn what_each_source_sent_is_told_by_source() {
     assert!((left.duration_s - 0.51).abs() < 1e-9 && (right.duration_s - 0.495).abs() < 1e-9);
     assert_eq!((found.missed_samples, found.damaged_samples, found.dropped_samples), (2, 0, 0));
     assert!(found.finished);
+}
+
+/// Sample `number` of a sensor that says all there is to be said, fused, and not always as it should.
+fn full(number: u64) -> SourceRecord {
+    let order =
+        [Order::Next, Order::Gap, Order::Reset, Order::Doubted][(number % 97).min(3) as usize];
+    let turn = 0.01 * number as f64;
+    let wave = |phase: f64| (turn + phase).sin();
+    let missed = if order == Order::Gap { 3 } else { 0 };
+    let (arrival, taken) = (at(number), at(number));
+    SourceRecord::Sample(Box::new(Captured {
+        stamp: Stamp { arrival, taken, number, step_s: 0.005, missed, estimated: 0, order },
+        sample: SensorSample {
+            acceleration_m_s2: Some(DVec3::new(wave(0.0), wave(1.0), 9.81)),
+            linear_acceleration_m_s2: Some(DVec3::new(wave(2.0), wave(3.0), 0.01)),
+            angular_rate_rad_s: (number % 5 != 0).then(|| DVec3::new(wave(4.0), 0.0, -wave(5.0))),
+            magnetic_field_t: Some(DVec3::new(2e-5, wave(6.0) * 1e-5, 4e-5)),
+            orientation: Some(DQuat::from_rotation_z(turn)),
+            temperature_c: (number % 3 == 0).then_some(31.25),
+            counter: Some(number % 256),
+            ticks: Some(number * 5000),
+            implausible: number % 40 == 0,
+        },
+        fused: Some(Fused {
+            orientation: DQuat::from_rotation_x(turn),
+            settled: number > 20,
+            bias_rad_s: DVec3::new(1e-3, -2e-3, 3e-3),
+            bias_sigma_rad_s: 1e-4,
+            at_rest: number % 2 == 0,
+            magnetically_disturbed: true,
+        }),
+        stuck: false,
+    }))
+}
+
+/// How far two readings are apart: at most half a step of 24 bits of the greatest part.
+fn is_as_said(text: Option<DVec3>, packed: Option<DVec3>) -> bool {
+    match (text, packed) {
+        (Some(text), Some(packed)) => {
+            (text - packed).abs().max_element() <= text.abs().max_element() * 6e-8
+        }
+        (text, packed) => text == packed,
+    }
+}
+
+/// So is a rotation, whose parts are at most one.
+fn is_turned_as_said(text: Option<DQuat>, packed: Option<DQuat>) -> bool {
+    match (text, packed) {
+        (Some(text), Some(packed)) => (text - packed).length() < 1.2e-7,
+        (text, packed) => text == packed,
+    }
+}
+
+#[test]
+fn samples_in_few_bytes_say_what_they_say_as_text() {
+    let [text, packed] = [SampleEncoding::Json, SampleEncoding::Protobuf].map(|encoding| {
+        let disk = MemoryDisk::default();
+        let recorder = recorder(disk.clone(), Pace::default());
+        recorder.write_samples_as(encoding);
+        let ids = ["left", "right"].map(|name| recorder.add_source(source(name, SourceKind::Imu)));
+        for number in 0..2000 {
+            ids.iter().for_each(|id| recorder.take_record(*id, full(number)));
+        }
+        assert!(recorder.finish(end(2000)).is_complete());
+        disk.bytes()
+    });
+    println!("{} bytes as text, {} as protobuf", text.len(), packed.len());
+    assert!(packed.len() * 2 < text.len(), "{} {}", packed.len(), text.len());
+
+    let files = [file("as-text", &text), file("packed", &packed)];
+    let [a, b] = files.each_ref().map(|path| summary(path).unwrap());
+    assert_eq!(a.sources, b.sources);
+    assert_eq!(b.channels["/imu/left/sample"], 2000);
+    assert!(!b.channels.contains_key("/imu/left/orientation"), "it is in the sample");
+    assert!(a.sources["left"].resets > 0 && a.sources["left"].doubted > 0 && a.missed_samples > 0);
+    let [a, b] = files.each_ref().map(|path| sensor_series(path).unwrap());
+    assert_eq!((a.missed, a.first_ns, a.last_ns), (b.missed, b.first_ns, b.last_ns));
+    for (a, b) in a.sensors["right"].iter().zip(&b.sensors["right"]) {
+        assert_eq!((a.taken_ns, a.orientation.is_some()), (b.taken_ns, b.orientation.is_some()));
+        assert!(is_turned_as_said(a.orientation, b.orientation), "{a:?} {b:?}");
+        assert!(is_as_said(a.rate_rad_s, b.rate_rad_s), "{a:?} {b:?}");
+        assert!(is_as_said(a.acceleration_m_s2, b.acceleration_m_s2), "{a:?} {b:?}");
+        assert!(is_as_said(a.field_t, b.field_t), "{a:?} {b:?}");
+    }
+    assert_eq!((a.sensors["right"].len(), b.sensors["right"].len()), (2000, 2000));
+    let [a, b] = files.each_ref().map(|path| read_orientations(path).unwrap());
+    assert_eq!(a.len(), b.len());
+    for (a, b) in a.iter().zip(&b) {
+        assert!(is_turned_as_said(a.orientation, b.orientation), "{a:?} {b:?}");
+        let plain = |of: &ReplayedSample| ReplayedSample { orientation: None, ..of.clone() };
+        assert_eq!(plain(a), plain(b));
+    }
+
+    // As tables, cell by cell.
+    let [a, b] = files.each_ref().map(|path| {
+        let mut table = Vec::new();
+        write_csv(path, &mut table).unwrap();
+        String::from_utf8(table).unwrap()
+    });
+    assert_eq!((a.lines().count(), a.lines().next()), (b.lines().count(), b.lines().next()));
+    for (a, b) in a.lines().zip(b.lines()).skip(1) {
+        for (a, b) in a.split(',').zip(b.split(',')) {
+            let is_near = || Some((a.parse::<f64>().ok()? - b.parse::<f64>().ok()?).abs() <= 1e-6);
+            assert!(a == b || is_near() == Some(true), "{a} {b}");
+        }
+    }
+}
+
+#[test]
+fn a_packed_recording_that_is_cut_off_is_read_and_recovered_as_any() {
+    let disk = MemoryDisk::default();
+    let recorder = recorder(disk.clone(), EACH_RECORD);
+    recorder.write_samples_as(SampleEncoding::Protobuf);
+    let id = recorder.add_source(source("left", SourceKind::Imu));
+    (0..200).for_each(|number| recorder.take_record(id, full(number)));
+    assert!(recorder.finish(end(200)).is_complete());
+    let whole = disk.bytes();
+    let (mut most, mut least) = (0, 200);
+    for share in 1..10 {
+        let cut = file("packed-cut", &whole[..whole.len() * share / 10]);
+        let read = sensor_series(&cut).unwrap();
+        let count = read.sensors.get("left").map_or(0, Vec::len);
+        assert!(count >= most && !read.whole, "{share}");
+        (most, least) = (count, least.min(count));
+        let recovered = recover(&cut, true).unwrap();
+        let again = sensor_series(&recovered.path).unwrap();
+        assert_eq!(again.sensors.get("left").map_or(0, Vec::len), count);
+    }
+    assert!(most >= 100 && least < 50, "{least} {most}");
 }
 
 #[test]

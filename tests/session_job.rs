@@ -10,7 +10,7 @@ use gaitway::job::session::{
     Answered, Doubt, During, Happening, Instead, Judged, Mark, MeasureAnswer, Mend, Operator,
     Ready, Repetitions, SessionOrder, SessionReport, SessionState, Unsteady, Wish, Words, open,
 };
-use gaitway::recording::sensor_series;
+use gaitway::recording::{SampleEncoding, sensor_series};
 use gaitway::sensing::{Answer, Cue, Person, Question};
 use gaitway::session::manifest::Manifest;
 use gaitway::session::{BodyCheck, DeviceCheck, Plan, SessionFile, TrialFile, Verdict};
@@ -302,6 +302,7 @@ fn order(folder: &Path, source: Option<&str>, plan: Option<Plan>) -> SessionOrde
         plan,
         magnetometer: false,
         known: Vec::new(),
+        samples: SampleEncoding::Json,
     }
 }
 

@@ -8,13 +8,15 @@ mod python;
 
 use aloud::aloud;
 use gaitway::body::worn::check::t_pose;
-use gaitway::body::{Dof, JointAngles};
+use gaitway::body::{Dof, JointAngles, Proportions};
+use gaitway::job::bvh_stream::BvhStream;
 use gaitway::job::observer::{Event, Nobody, Observer as _};
+use gaitway::job::source::body_motion;
 use gaitway::job::vmc::Avatar;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader};
-use std::net::UdpSocket;
+use std::net::{TcpStream, UdpSocket};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -203,6 +205,111 @@ fn nobody_is_sent_to_without_a_place_and_a_place_that_is_none_is_refused() {
         let words = error.to_string();
         assert!(words.contains(place) && words.contains("39539"), "{words}");
     }
+}
+
+/// What a program that connects is sent within this time: whole lines.
+fn sent(stream: &TcpStream, stops: impl Fn(&str) -> bool) -> String {
+    stream.set_read_timeout(Some(PATIENCE)).expect("patience");
+    let mut told = String::new();
+    let mut reader = BufReader::new(stream);
+    while !stops(&told) {
+        assert!(reader.read_line(&mut told).expect("a line") > 0, "nothing more is sent: {told}");
+    }
+    told
+}
+
+#[test]
+fn whoever_connects_is_sent_a_hierarchy_and_then_a_line_for_each_pose() {
+    let stream = BvhStream::new(&Nobody, Some("127.0.0.1:0")).expect("it listens");
+    assert!(stream.looks());
+    let address = stream.address().expect("an address");
+    let knees: Vec<f64> = (0..20).map(|n| f64::from(n) * 0.05).collect();
+    let posed = |knee_rad: f64| {
+        let mut angles = JointAngles::default();
+        angles[Dof::LeftKneeFlexion] = knee_rad;
+        let pose = angles.to_pose(DVec3::Z * 7.0, DQuat::IDENTITY);
+        stream.hear(Event::Posed {
+            pose: &pose,
+            sensors: &[None; 13],
+            angles: &angles,
+            age_s: 0.01,
+        });
+    };
+    posed(0.0);
+    let first = TcpStream::connect(address).expect("it is let in");
+    knees.iter().for_each(|knee_rad| posed(*knee_rad));
+    let second = TcpStream::connect(address).expect("it is let in");
+    posed(1.0);
+    // Of the file that a program keeps, once it writes down how many poses there are, angles are as they were told.
+    let frames =
+        |told: &str| told.split("Frame Time").nth(1).map_or(0, |of| of.lines().count() - 1);
+    let told = sent(&first, |told| frames(told) == knees.len() + 1);
+    assert!(told.starts_with("HIERARCHY\n") && told.contains("\nFrames: 0\n"), "{told}");
+    let text = told.replace("Frames: 0", &format!("Frames: {}", knees.len() + 1));
+    let file = program::folder("kept").join("kept.bvh");
+    std::fs::write(&file, &text).expect("written");
+    let (capture, _) =
+        body_motion(&file.display().to_string(), None, &Default::default()).expect("a person");
+    // One leg stays straight: the pelvis is as high as in somebody who stands (to a toe, or the heel), in cm, Y up.
+    let height_cm = Proportions::of_stature(1.75).expect("a body").root_height_m() * 100.0;
+    for line in text.split("Frame Time").nth(1).expect("poses").lines().skip(1) {
+        let up: f64 = line.split(' ').nth(1).expect("a place").parse().expect("a number");
+        assert!((up - height_cm).abs() < 1.5, "{up} {height_cm}");
+    }
+    for (pose, knee_rad) in capture.poses.iter().zip(knees.iter().chain(&[1.0])) {
+        let found = JointAngles::of_pose(pose).angles[Dof::LeftKneeFlexion];
+        assert!((found - knee_rad).abs() < 1e-3, "{found} {knee_rad}");
+    }
+    assert_eq!(capture.poses.len(), knees.len() + 1);
+    let told = sent(&second, |told| frames(told) == 1);
+    assert_eq!(told.lines().last(), text.lines().last(), "whoever comes later sees what is now");
+}
+
+#[test]
+fn whoever_reads_nothing_or_goes_away_holds_up_nobody() {
+    let stream = BvhStream::new(&Nobody, Some("127.0.0.1:0")).expect("it listens");
+    let address = stream.address().expect("an address");
+    let posed = || {
+        let angles = JointAngles::default();
+        let pose = angles.to_pose(DVec3::ZERO, DQuat::IDENTITY);
+        stream.hear(Event::Posed {
+            pose: &pose,
+            sensors: &[None; 13],
+            angles: &angles,
+            age_s: 0.01,
+        });
+    };
+    let _deaf: Vec<TcpStream> = (0..7).map(|_| TcpStream::connect(address).expect("in")).collect();
+    drop(TcpStream::connect(address).expect("it is let in"));
+    posed();
+    posed();
+    // The place of the one who went is free; more than eight are not served.
+    let reads = TcpStream::connect(address).expect("it is let in");
+    posed();
+    let mut refused = TcpStream::connect(address).expect("the system lets it knock");
+    posed();
+    refused.set_read_timeout(Some(PATIENCE)).expect("patience");
+    assert_eq!(std::io::Read::read(&mut refused, &mut [0; 16]).unwrap_or(0), 0);
+    // Those who read nothing are let go once too much waits for them; the one who reads has it all.
+    let reading = std::thread::spawn(move || {
+        let lines = sent(&reads, |told| told.lines().count() > 20_000);
+        lines.lines().count()
+    });
+    while !reading.is_finished() {
+        posed();
+    }
+    assert!(reading.join().expect("it has read") > 20_000);
+    let late = TcpStream::connect(address).expect("the system lets it knock");
+    late.set_nonblocking(true).expect("looked at");
+    let hears = || late.peek(&mut [0; 16]).is_ok_and(|count| count > 0);
+    let mut tries = 0;
+    while !hears() {
+        posed();
+        tries += 1;
+        assert!(tries < 500_000, "the places of those who read nothing are not given to others");
+    }
+    let words = BvhStream::new(&Nobody, Some("here")).err().expect("no address").to_string();
+    assert!(words.contains("--bvh here") && words.contains("127.0.0.1:7001"), "{words}");
 }
 
 const READER: &str = "\

@@ -7,19 +7,20 @@ use super::viewing::{ViewArg, Viewing};
 use super::wearing::WearingArgs;
 use super::{Deed, Output, Remarks, play};
 use crate::error::Error;
+use crate::job::bvh_stream::BvhStream;
 use crate::job::live::{LiveOrder, When, live};
 use crate::job::page::file::page as file_page;
 use crate::job::page::live::Shows;
 use crate::job::report::PlayReport;
 use crate::job::source::CaptureOptions;
 use crate::job::vmc::Avatar;
+use crate::recording::SampleEncoding;
 use crate::rig::Address;
 use crate::time::{Duration, listening_time};
 use crate::view::live::LiveView;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-mod report;
 mod table;
 
 pub(super) use table::Shown;
@@ -48,6 +49,9 @@ pub struct LiveArgs {
     /// Record goals, measured states and the samples of all sensors to this file
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    /// Samples of sensors in it as json, or as protobuf: fewer bytes, and other programs read it as well
+    #[arg(long, value_name = "ENCODING", default_value = "json")]
+    encoding: SampleEncoding,
     /// Write a page of that recording: the robot, and whoever wore the sensors beside it
     #[arg(long, value_name = "FILE.html", requires = "record")]
     html: Option<PathBuf>,
@@ -82,6 +86,9 @@ pub struct LiveArgs {
     /// address, usually 127.0.0.1:39539
     #[arg(long, value_name = "HOST:PORT")]
     vmc: Option<String>,
+    /// Send whoever wears the sensors to each program that connects to this address over TCP, as a BVH file that goes on
+    #[arg(long, value_name = "HOST:PORT")]
+    bvh: Option<String>,
     /// Seed of the virtual robot
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -100,6 +107,7 @@ impl LiveArgs {
             buses: self.bus.clone(),
             calibration: self.calibration.path().map(Path::to_owned),
             seed: self.seed,
+            samples: self.encoding,
             rate_hz: self.rate,
             time: self.time,
             plan: self.wearing.plan(),
@@ -126,9 +134,10 @@ impl LiveArgs {
         };
         // A motion that is performed has no sensors.
         let is_heard = self.from.iter().all(|from| !from.starts_with("file:"));
-        if self.vmc.is_some() && !is_heard {
+        let shown = [("--vmc", &self.vmc), ("--bvh", &self.bvh)];
+        if let Some((option, _)) = shown.iter().find(|(_, place)| place.is_some() && !is_heard) {
             return Err(Error::new("whoever wears sensors is shown, and this is a motion")
-                .at("--vmc")
+                .at(*option)
                 .got(self.order().motion())
                 .allowed("sensors, or replay:FILE.mcap"));
         }
@@ -171,7 +180,8 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
     let followed = |view: Option<LiveView>| {
         let operator = Operator::listen(signals.clone(), remarks);
         let avatar = Avatar::new(&operator, args.vmc.as_deref())?;
-        let viewing = Viewing::new(&avatar, view.as_ref());
+        let stream = BvhStream::new(&avatar, args.bvh.as_deref())?;
+        let viewing = Viewing::new(&stream, view.as_ref());
         let report = live(&order, &viewing, &viewing.of(&operator));
         viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
         Ok(report)

@@ -16,6 +16,7 @@ use crate::job::record::{RecordOrder, RecordReport, record};
 use crate::job::report::counted;
 use crate::job::source::CaptureOptions;
 use crate::job::source_words;
+use crate::recording::SampleEncoding;
 use crate::sensing::{Source, What};
 use crate::time::{Duration, duration};
 use clap::Args;
@@ -62,6 +63,9 @@ pub struct RecordArgs {
     /// Write a page that shows the robot whose joints were recorded
     #[arg(long, value_name = "FILE.html", conflicts_with = "session")]
     html: Option<PathBuf>,
+    /// Samples of sensors as json, or as protobuf: fewer bytes, and other programs read it as well
+    #[arg(long, value_name = "ENCODING", default_value = "json")]
+    encoding: SampleEncoding,
     #[command(flatten)]
     view: ViewArg,
     #[command(flatten)]
@@ -88,6 +92,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
         mode: if args.magnetometer { Mode::NineAxes } else { Mode::SixAxes },
         rate_hz: args.rate,
         limp: args.limp,
+        samples: args.encoding,
     };
     let servos = order.sources.iter().find_map(|source| match &source.what {
         What::Servos { robot, addresses } => Some((robot.as_str(), addresses.as_slice())),

@@ -12,6 +12,7 @@ use crate::error::Error;
 use crate::mocap::files::CaptureOptions;
 use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
+use crate::recording::SampleEncoding;
 use crate::rig::{Address, Connection, calibrated, connect};
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::sensing::{Person, Plan};
@@ -23,6 +24,7 @@ pub(super) mod naming;
 mod performer;
 mod report;
 mod when;
+mod words;
 mod worn;
 
 use naming::{HowNamed, NamedBody};
@@ -45,6 +47,8 @@ pub struct LiveOrder {
     pub calibration: Option<PathBuf>,
     /// Seed of a virtual robot.
     pub seed: u64,
+    /// How samples of sensors are recorded.
+    pub samples: SampleEncoding,
     /// Cycles per second; `None`: as the robot's file says.
     pub rate_hz: Option<f64>,
     /// Follow for this time, then come to rest.
@@ -262,13 +266,17 @@ impl Job<'_> {
     fn recorder_without_robot(&self) -> Result<Option<RunRecorder>, Error> {
         let (path, force) = (self.order.record.as_deref(), self.order.replace);
         let begin = |path| RunRecorder::begin_without_robot(path, force, &self.order.motion());
-        path.map(begin).transpose()
+        let recorder = path.map(begin).transpose()?;
+        Ok(recorder.inspect(|recorder| recorder.write_samples_as(self.order.samples)))
     }
 
     /// The same, with room for the samples of many sensors.
     fn recorder_for_sensors(&self, connection: &Connection) -> Result<RunRecorder, Error> {
         let (path, force) = (self.order.record.as_deref(), self.order.replace);
-        RunRecorder::begin_with_sensors(path, force, connection, &self.order.motion())
+        let motion = self.order.motion();
+        let recorder = RunRecorder::begin_with_sensors(path, force, connection, &motion)?;
+        recorder.write_samples_as(self.order.samples);
+        Ok(recorder)
     }
 }
 

@@ -11,6 +11,7 @@ use crate::body::{Segment, SegmentPose, segment_name};
 use crate::capture::Mode;
 use crate::error::{Error, ErrorKind};
 use crate::mocap::anatomy::Capture;
+use crate::recording::SampleEncoding;
 use crate::rig::{Address, Connection, calibrated, connect};
 use crate::robot::preflight::same_servos;
 use crate::sensing::{Person, Plan, Source, What};
@@ -100,6 +101,7 @@ fn of_wearer(
     person: &dyn Person,
 ) -> Result<RecogniseReport, Error> {
     let follow = LiveOrder {
+        samples: SampleEncoding::default(),
         from: order.sources.clone(),
         wear: order.wear.clone(),
         robot: None,

@@ -8,7 +8,8 @@ use super::{Event, Observer};
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{
-    Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
+    Marker, RecordedSource, Recorder, RunEnd, RunStart, SampleEncoding, SourceId, SourceKind,
+    SourceRecord,
 };
 use crate::sensing::{Intake, LOOK, SensingEvent, Source, SourceReport, What};
 use crate::time::{Duration, Instant};
@@ -39,6 +40,8 @@ pub struct RecordOrder {
     pub rate_hz: f64,
     /// Switch the servos' torque off first.
     pub limp: bool,
+    /// How samples of sensors are written.
+    pub samples: SampleEncoding,
 }
 
 /// What came of it.
@@ -119,6 +122,7 @@ pub fn record(
     }
     let recorder =
         Recorder::create_for_sources(&order.file, order.replace, start(order, joints.as_ref()))?;
+    recorder.write_samples_as(order.samples);
     let began = MonotonicClock.now();
     observer.hear(Event::Note(&begins(order)));
     let stop = AtomicBool::new(false);

@@ -10,7 +10,9 @@ use crate::job::report::counted;
 use crate::motion::Plan;
 use crate::port::patient::PatientClock;
 use crate::port::{Clock, MonotonicClock};
-use crate::recording::{CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart};
+use crate::recording::{
+    CycleRecord, JointRecord, RecordedJoint, Recorder, RunEnd, RunStart, SampleEncoding,
+};
 use crate::rig::Connection;
 use crate::robot::Joint;
 use crate::time::Instant;
@@ -194,6 +196,13 @@ impl RunRecorder {
     #[must_use]
     pub fn shared(&self) -> Option<Arc<Recorder>> {
         self.recorder.as_ref().map(|(recorder, _)| Arc::clone(recorder))
+    }
+
+    /// Samples of sensors that are added from now on are written so.
+    pub(super) fn write_samples_as(&self, encoding: SampleEncoding) {
+        if let Some((recorder, _)) = &self.recorder {
+            recorder.write_samples_as(encoding);
+        }
     }
 
     /// Once the recording is closed it has this word under this key of its metadata.

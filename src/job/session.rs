@@ -32,6 +32,7 @@ use crate::body::anthropometry::Subject;
 use crate::capture::Mode;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
+use crate::recording::SampleEncoding;
 use crate::sensing::{Ended, Hub, Intake, Opened, SensingEvent, Source, StopAtEnd, wall_clock};
 use crate::session::{Folder, Plan, Progress, SessionFile, Step};
 use looking::Looking;
@@ -48,6 +49,7 @@ pub struct Session {
     worn: Vec<Worn>,
     opened: Vec<Opened>,
     mode: Mode,
+    samples: SampleEncoding,
 }
 
 /// What there is in a session's folder.
@@ -91,8 +93,8 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
         plan: order.plan,
         magnetometer: order.magnetometer,
     };
-    let known = order.known;
-    let session = Session { folder, progress, given, known, worn, opened, mode };
+    let (known, samples) = (order.known, order.samples);
+    let session = Session { folder, progress, given, known, worn, opened, mode, samples };
     Ok(SessionState::Open(Box::new(session)))
 }
 
@@ -103,7 +105,7 @@ impl Session {
     /// A disk that fails, a file of the session that was changed into something else. What was done is
     /// kept, and can be gone on with.
     pub fn lead(self, operator: &dyn Operator) -> Result<SessionReport, Error> {
-        let Self { folder, progress, given, known, worn, opened, mode } = self;
+        let Self { folder, progress, given, known, worn, opened, mode, samples } = self;
         let hub = Hub::of(worn.iter().map(|worn| (worn.heard.clone(), worn.name.clone())));
         let stop = AtomicBool::new(false);
         let tell = |event: SensingEvent<'_>| operator.hear(Happening::Sensing(event));
@@ -116,6 +118,7 @@ impl Session {
             worn: &worn,
             looking: &looking,
             known: &known,
+            samples,
             progress,
         };
         let ended = std::thread::scope(|scope| {
@@ -147,6 +150,7 @@ struct Job<'a> {
     looking: &'a Looking,
     /// Subjects of other sessions.
     known: &'a [Subject],
+    samples: SampleEncoding,
     progress: Progress,
 }
 

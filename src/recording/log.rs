@@ -11,11 +11,12 @@ use std::time::{Duration, Instant as Clock};
 use mcap::records::{MessageHeader, Metadata};
 
 use super::disk::{Disk, Syncer};
+use super::imu_message::SampleEncoding;
 use super::mcap_file::McapFile;
 use super::message::{self, Run, Stamp, Topic};
 use super::packing::Compression;
 use super::sample::{CycleRecord, RunEnd, RunStart};
-use super::sensor::{self, RecordedSource, SourceId, SourceKind, SourceRecord};
+use super::sensor::{self, RecordedSource, SourceChannel, SourceId, SourceRecord};
 use crate::time::Instant;
 
 /// A chunk is also closed at this size, which bounds the memory it takes.
@@ -100,8 +101,10 @@ pub(super) enum Item {
 /// What the recorder and its thread both look at. Nobody waits while holding it.
 #[derive(Debug, Default)]
 pub(super) struct Shared {
-    /// Added sources, in the order of their numbers.
-    pub(super) sources: Mutex<Vec<RecordedSource>>,
+    /// Added sources, in the order of their numbers, and how samples of each are written.
+    pub(super) sources: Mutex<Vec<(RecordedSource, SampleEncoding)>>,
+    /// How samples of sources that are added are written.
+    pub(super) samples: OnceLock<SampleEncoding>,
     /// Why writing ended early.
     pub(super) failure: OnceLock<String>,
     /// Nothing of it is wanted.
@@ -117,14 +120,21 @@ impl Shared {
     }
 }
 
+/// A source whose channels are in the file.
+struct Written {
+    name: String,
+    samples: SampleEncoding,
+    channels: Vec<u16>,
+}
+
 /// The thread's side: turns records into chunks and counts what is safe.
 pub(super) struct Log<D> {
     disk: D,
     mcap: McapFile,
     channels: [u16; Topic::ALL.len()],
     sequences: [u32; Topic::ALL.len()],
-    /// Sources whose channels are in the file: name and channels.
-    sources: Vec<(String, Vec<u16>)>,
+    /// Sources whose channels are in the file.
+    sources: Vec<Written>,
     shared: Arc<Shared>,
     start: RunStart,
     pace: Pace,
@@ -332,10 +342,9 @@ impl<D: Disk> Log<D> {
     /// Writes down the channels of sources that were added since.
     fn add_sources(&mut self) -> Result<(), String> {
         let added: Vec<_> = locked(&self.shared.sources)[self.sources.len()..].to_vec();
-        for source in added {
-            let channels =
-                add_channels(&mut self.mcap, source.kind, &source.name, &source.metadata);
-            self.sources.push((source.name, channels?));
+        for (source, samples) in added {
+            let channels = add_channels(&mut self.mcap, &source, samples)?;
+            self.sources.push(Written { name: source.name, samples, channels });
         }
         Ok(())
     }
@@ -350,16 +359,17 @@ impl<D: Disk> Log<D> {
             SourceRecord::Line(..) | SourceRecord::Mark(_) => 0, // no number, by the format
         };
         self.holds_records = true;
-        self.attempt(sensor::message_count(record) as u64, |log| {
-            let (name, channels) =
+        let samples = self.sources.get(source.0).map_or_else(Default::default, |of| of.samples);
+        self.attempt(sensor::message_count(record, samples) as u64, |log| {
+            let Written { name, samples, channels } =
                 log.sources.get(source.0).ok_or("a source that was not added")?;
-            let messages = sensor::messages(name, record, publish_time, gap)
+            let messages = sensor::messages(name, record, *samples, publish_time, gap)
                 .map_err(|error| error.to_string())?;
-            for (channel, json) in messages {
+            for (channel, bytes) in messages {
                 let channel_id = channels.get(channel).copied().unwrap_or_default();
                 let header = MessageHeader { channel_id, sequence, log_time, publish_time };
-                log.chunk_bytes += json.len();
-                log.mcap.add_message(&header, &json)?;
+                log.chunk_bytes += bytes.len();
+                log.mcap.add_message(&header, &bytes)?;
             }
             Ok(())
         });
@@ -558,14 +568,13 @@ fn add_topic(mcap: &mut McapFile, topic: Topic) -> Result<u16, String> {
 
 fn add_channels(
     mcap: &mut McapFile,
-    kind: SourceKind,
-    name: &str,
-    metadata: &BTreeMap<String, String>,
+    source: &RecordedSource,
+    samples: SampleEncoding,
 ) -> Result<Vec<u16>, String> {
     let mut channels = Vec::new();
-    for (topic, schema_name, schema) in kind.channels(name) {
-        let schema = mcap.add_schema(schema_name, "jsonschema", schema.as_bytes())?;
-        channels.push(mcap.add_channel(schema, &topic, "json", metadata)?);
+    for SourceChannel { topic, schema } in source.kind.channels(&source.name, samples) {
+        let number = mcap.add_schema(schema.name, schema.encoding, schema.data)?;
+        channels.push(mcap.add_channel(number, &topic, schema.messages, &source.metadata)?);
     }
     Ok(channels)
 }

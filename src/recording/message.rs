@@ -75,6 +75,11 @@ pub(super) struct Stamp {
 }
 
 impl Stamp {
+    /// Seconds, and nanoseconds beside them.
+    pub(super) const fn parts(self) -> (u64, u32) {
+        (self.sec, self.nsec)
+    }
+
     pub(super) fn from_nanos(nanos: u64) -> Self {
         Self { sec: nanos / 1_000_000_000, nsec: (nanos % 1_000_000_000) as u32 }
     }

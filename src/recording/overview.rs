@@ -8,8 +8,9 @@ use mcap::records::MessageHeader;
 use serde::{Deserialize, Serialize};
 
 use super::disk::open;
+use super::imu_message::{SampleEncoding, SensorMessage};
 use super::message::{Cycle, Run, Topic, parse};
-use super::scan::{Found, scan};
+use super::scan::{Channel, Found, scan};
 use crate::error::Error;
 
 /// Most sources that are listed; a recording's channels are fewer.
@@ -117,6 +118,25 @@ struct Numbered {
     implausible: bool,
 }
 
+impl Numbered {
+    /// A sample or a line of a channel with this encoding; `None` if it is none.
+    fn read(encoding: &str, body: &[u8]) -> Option<Self> {
+        if encoding == SampleEncoding::Json.name() {
+            return parse(body);
+        }
+        let read = SensorMessage::read(encoding, "sample", body);
+        let Some(SensorMessage::Sample(imu, _)) = read else { return None };
+        Some(Self {
+            number: Some(imu.number),
+            order: Some(imu.order.clone().into_owned()),
+            missed_before: imu.missed_before,
+            estimated_before: imu.estimated_before,
+            dropped_before: imu.dropped_before,
+            implausible: imu.implausible,
+        })
+    }
+}
+
 impl SourceOverview {
     fn add(&mut self, sample: &Numbered, read_ns: u64) {
         self.records += 1;
@@ -147,7 +167,8 @@ impl SourceOverview {
 
 impl Overview {
     /// Takes one message in, in the order of the file.
-    pub(super) fn add(&mut self, topic: &str, header: &MessageHeader, body: &[u8]) {
+    pub(super) fn add(&mut self, channel: &Channel, header: &MessageHeader, body: &[u8]) {
+        let topic = channel.topic.as_str();
         self.duration_s = self.span.take(header.log_time);
         match self.channels.get_mut(topic) {
             Some(count) => *count += 1,
@@ -156,7 +177,7 @@ impl Overview {
         match Topic::from_name(topic) {
             Some(Topic::Cycle) => self.add_cycle(body),
             Some(Topic::Run) => self.add_run(body),
-            None => self.add_sample(topic, header, body),
+            None => self.add_sample(channel, header, body),
             _ => {}
         }
     }
@@ -196,10 +217,11 @@ impl Overview {
         self.outcome = run.end.map(|end| end.outcome).or(self.outcome.take());
     }
 
-    fn add_sample(&mut self, topic: &str, header: &MessageHeader, body: &[u8]) {
+    fn add_sample(&mut self, channel: &Channel, header: &MessageHeader, body: &[u8]) {
+        let topic = channel.topic.as_str();
         let sensor = topic.strip_prefix("/imu/").and_then(|rest| rest.strip_suffix("/sample"));
         let Some(name) = sensor.or_else(|| topic.strip_prefix("/lines/")) else { return };
-        let Some(sample) = parse::<Numbered>(body) else { return };
+        let Some(sample) = Numbered::read(&channel.encoding, body) else { return };
         if !self.sources.contains_key(name) {
             self.sources.insert(name.to_owned(), SourceOverview::default());
         }
@@ -220,7 +242,7 @@ pub fn summary(path: &Path) -> Result<Overview, Error> {
     let mut overview = Overview::default();
     let tally = scan(BufReader::new(open(path)?), |found| {
         if let Found::Message { channel, header, body } = found {
-            overview.add(&channel.topic, &header, body);
+            overview.add(channel, &header, body);
         }
         Ok(())
     })

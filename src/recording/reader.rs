@@ -271,7 +271,7 @@ pub fn recover_packed(
     let mut overview = Overview::default();
     let copied = scan(BufReader::new(source), |found| {
         if let Found::Message { channel, header, body } = &found {
-            overview.add(&channel.topic, header, body);
+            overview.add(channel, header, body);
         }
         copy.add(found).map_err(|cause| unwritable(&target, &cause))
     })

@@ -1,9 +1,8 @@
 //! Orientations of sensors out of a recording, to be played as if they came now.
 
 use super::disk::open;
-use super::message::parse;
+use super::imu_message::SensorMessage;
 use super::scan::{Found, scan};
-use super::sensor::{Imu, Transform};
 use crate::capture::Stuck;
 use crate::device::sensor::SensorSample;
 use crate::error::Error;
@@ -55,40 +54,42 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
             names.insert(name.to_owned(), (name.into(), false, Stuck::default()));
         }
         let Some((sensor, reset, values)) = names.get_mut(name) else { return Ok(()) };
-        if part == "sample" {
-            let Some(imu) = parse::<Imu>(body) else { return Ok(()) };
-            *reset |= imu.order == "reset";
-            let sample = SensorSample {
-                angular_rate_rad_s: imu.angular_velocity.map(DVec3::from),
-                acceleration_m_s2: imu.linear_acceleration.map(DVec3::from),
-                magnetic_field_t: imu.magnetic_field.map(DVec3::from),
-                ..SensorSample::default()
-            };
-            if values.take(&sample, Instant::from_nanos(header.publish_time)) {
-                let age_ns = header.log_time.saturating_sub(header.publish_time);
-                found.push((
-                    header.log_time,
-                    ReplayedSample {
-                        sensor: Arc::clone(sensor),
-                        orientation: None,
-                        anew: false,
-                        stuck: true,
-                        read: Duration::ZERO,
-                        age: Duration::from_nanos(age_ns),
-                    },
-                ));
+        let turned = match SensorMessage::read(&channel.encoding, part, body) {
+            Some(SensorMessage::Sample(imu, turned)) => {
+                *reset |= imu.order == "reset";
+                let sample = SensorSample {
+                    angular_rate_rad_s: imu.angular_velocity.map(DVec3::from),
+                    acceleration_m_s2: imu.linear_acceleration.map(DVec3::from),
+                    magnetic_field_t: imu.magnetic_field.map(DVec3::from),
+                    ..SensorSample::default()
+                };
+                if values.take(&sample, Instant::from_nanos(header.publish_time)) {
+                    let age_ns = header.log_time.saturating_sub(header.publish_time);
+                    found.push((
+                        header.log_time,
+                        ReplayedSample {
+                            sensor: Arc::clone(sensor),
+                            orientation: None,
+                            anew: false,
+                            stuck: true,
+                            read: Duration::ZERO,
+                            age: Duration::from_nanos(age_ns),
+                        },
+                    ));
+                }
+                turned
             }
-            return Ok(());
-        }
-        let Some(transform) = parse::<Transform>(body) else { return Ok(()) };
-        let q = transform.rotation;
-        let orientation = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
+            Some(SensorMessage::Turned(turned)) => Some(turned),
+            None => None,
+        };
+        let Some(turned) = turned else { return Ok(()) };
+        let orientation = DQuat::from(turned.rotation);
         found.push((
             header.log_time,
             ReplayedSample {
                 sensor: Arc::clone(sensor),
-                orientation: Some(orientation).filter(|q| transform.settled && q.is_finite()),
-                anew: std::mem::take(reset) || !transform.settled,
+                orientation: Some(orientation).filter(|q| turned.settled && q.is_finite()),
+                anew: std::mem::take(reset) || !turned.settled,
                 stuck: false,
                 read: Duration::ZERO,
                 age: Duration::from_nanos(header.log_time.saturating_sub(header.publish_time)),

@@ -1,12 +1,13 @@
 //! Sensor samples as messages: what `gaitway record` writes and `gaitway convert` reads.
 
+use super::imu_message::{FUSED, Imu, Rotation, SampleEncoding, Transform, Vector, packed};
 use super::marker::{self, Marker};
 use super::message::Stamp;
+use super::messages::Schema;
 use crate::capture::{Captured, Order};
 use crate::time::Instant;
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 
 /// A source whose channels are added while a recording runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,123 +57,51 @@ impl SourceRecord {
     }
 }
 
+/// A channel of a source.
+pub(super) struct SourceChannel {
+    pub(super) topic: String,
+    pub(super) schema: Schema<'static>,
+}
+
 impl SourceKind {
-    /// Topics of a source with this name, with schema names and schemas.
-    pub(super) fn channels(self, name: &str) -> Vec<(String, &'static str, &'static str)> {
-        match self {
-            Self::Imu => vec![
-                (format!("/imu/{name}/sample"), "gaitway.Imu", include_str!("schema/imu.json")),
-                (
-                    format!("/imu/{name}/orientation"),
-                    "foxglove.FrameTransform",
-                    include_str!("schema/frame_transform.json"),
-                ),
+    /// Topics of a source with this name.
+    pub(super) fn channels(self, name: &str, samples: SampleEncoding) -> Vec<SourceChannel> {
+        let json = |topic: String, name, text: &'static str| SourceChannel {
+            topic,
+            schema: Schema {
+                name,
+                encoding: "jsonschema",
+                data: text.as_bytes(),
+                messages: SampleEncoding::Json.name(),
+            },
+        };
+        let (imu, transform) = ("gaitway.Imu", "foxglove.FrameTransform");
+        let (sample, orientation) =
+            (format!("/imu/{name}/sample"), format!("/imu/{name}/orientation"));
+        match (self, samples) {
+            (Self::Imu, SampleEncoding::Json) => vec![
+                json(sample, imu, include_str!("schema/imu.json")),
+                json(orientation, transform, include_str!("schema/frame_transform.json")),
             ],
-            Self::Lines => {
-                vec![(format!("/lines/{name}"), "gaitway.Line", include_str!("schema/line.json"))]
+            (Self::Imu, SampleEncoding::Protobuf) => {
+                let encoding = SampleEncoding::Protobuf.name();
+                let data = include_bytes!("schema/imu.bin").as_slice();
+                let schema = Schema { name: imu, encoding, data, messages: encoding };
+                vec![SourceChannel { topic: sample, schema }]
             }
-            Self::Marks => {
-                vec![(marker::TOPIC.to_owned(), "foxglove.Log", include_str!("schema/log.json"))]
+            (Self::Lines, _) => {
+                let topic = format!("/lines/{name}");
+                vec![json(topic, "gaitway.Line", include_str!("schema/line.json"))]
+            }
+            (Self::Marks, _) => {
+                vec![json(
+                    marker::TOPIC.to_owned(),
+                    "foxglove.Log",
+                    include_str!("schema/log.json"),
+                )]
             }
         }
     }
-}
-
-/// Three numbers, as Foxglove's schemas name them.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Vector {
-    pub(super) x: f64,
-    pub(super) y: f64,
-    pub(super) z: f64,
-}
-
-impl From<DVec3> for Vector {
-    fn from(v: DVec3) -> Self {
-        Self { x: v.x, y: v.y, z: v.z }
-    }
-}
-
-impl From<Vector> for DVec3 {
-    fn from(v: Vector) -> Self {
-        Self::new(v.x, v.y, v.z)
-    }
-}
-
-/// A rotation, as Foxglove's schemas name it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Rotation {
-    pub(super) x: f64,
-    pub(super) y: f64,
-    pub(super) z: f64,
-    pub(super) w: f64,
-}
-
-impl From<DQuat> for Rotation {
-    fn from(q: DQuat) -> Self {
-        Self { x: q.x, y: q.y, z: q.z, w: q.w }
-    }
-}
-
-impl From<Rotation> for DQuat {
-    fn from(q: Rotation) -> Self {
-        Self::from_xyzw(q.x, q.y, q.z, q.w)
-    }
-}
-
-/// `/imu/NAME/sample`. What was not measured is left out.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Imu {
-    pub(super) timestamp: Stamp,
-    pub(super) host_monotonic_ns: u64,
-    pub(super) number: u64,
-    pub(super) order: Cow<'static, str>,
-    /// Samples the sensor or the line lost before this one.
-    #[serde(default)]
-    pub(super) missed_before: u64,
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub(super) estimated_before: u64,
-    /// Samples the full queue dropped before this one.
-    #[serde(default)]
-    pub(super) dropped_before: u64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) device_counter: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) device_ticks: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) angular_velocity: Option<Vector>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) linear_acceleration: Option<Vector>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) acceleration_without_gravity: Option<Vector>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) magnetic_field: Option<Vector>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) orientation: Option<Rotation>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) temperature_c: Option<f64>,
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub(super) implausible: bool,
-}
-
-/// `/imu/NAME/orientation`, the fused one, or the device's own where nothing was fused.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct Transform<'a> {
-    pub(super) timestamp: Stamp,
-    #[serde(borrow)]
-    pub(super) parent_frame_id: Cow<'a, str>,
-    #[serde(borrow)]
-    pub(super) child_frame_id: Cow<'a, str>,
-    pub(super) translation: Vector,
-    pub(super) rotation: Rotation,
-    #[serde(borrow)]
-    pub(super) source: Cow<'a, str>,
-    pub(super) settled: bool,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) bias_rad_s: Option<Vector>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) at_rest: Option<bool>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) magnetically_disturbed: Option<bool>,
 }
 
 /// `/lines/NAME`.
@@ -182,11 +111,6 @@ struct Line<'a> {
     host_monotonic_ns: u64,
     dropped_before: u64,
     text: &'a str,
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
-const fn is_zero(count: &u64) -> bool {
-    *count == 0
 }
 
 fn word(order: Order) -> &'static str {
@@ -200,10 +124,11 @@ fn word(order: Order) -> &'static str {
     }
 }
 
-/// The messages of a record as (channel of the source, JSON).
+/// The messages of a record as (channel of the source, bytes).
 pub(super) fn messages(
     name: &str,
     record: &SourceRecord,
+    samples: SampleEncoding,
     taken_wall_ns: u64,
     dropped_before: u64,
 ) -> serde_json::Result<Vec<(usize, Vec<u8>)>> {
@@ -236,8 +161,12 @@ pub(super) fn messages(
         temperature_c: sample.temperature_c,
         implausible: sample.implausible,
     };
+    let transform = transform(name, captured, timestamp);
+    if samples == SampleEncoding::Protobuf {
+        return Ok(vec![(0, packed(&imu, transform.as_ref()))]);
+    }
     let mut out = vec![(0, serde_json::to_vec(&imu)?)];
-    if let Some(transform) = transform(name, captured, timestamp) {
+    if let Some(transform) = transform {
         out.push((1, serde_json::to_vec(&transform)?));
     }
     Ok(out)
@@ -252,7 +181,7 @@ fn transform<'a>(name: &'a str, captured: &Captured, timestamp: Stamp) -> Option
         child_frame_id: name.into(),
         translation: DVec3::ZERO.into(),
         rotation: rotation.into(),
-        source: if fused.is_some() { "vqf" } else { "device" }.into(),
+        source: if fused.is_some() { FUSED } else { "device" }.into(),
         settled: fused.is_none_or(|fused| fused.settled),
         bias_rad_s: fused.map(|fused| fused.bias_rad_s.into()),
         at_rest: fused.map(|fused| fused.at_rest),
@@ -261,9 +190,11 @@ fn transform<'a>(name: &'a str, captured: &Captured, timestamp: Stamp) -> Option
 }
 
 /// How many messages a record becomes: one on each of its source's first channels.
-pub(super) fn message_count(record: &SourceRecord) -> usize {
+pub(super) fn message_count(record: &SourceRecord, samples: SampleEncoding) -> usize {
     match record {
-        SourceRecord::Line(..) | SourceRecord::Mark(_) => 1,
-        SourceRecord::Sample(captured) => 1 + usize::from(captured.orientation().is_some()),
+        SourceRecord::Sample(captured) if samples == SampleEncoding::Json => {
+            1 + usize::from(captured.orientation().is_some())
+        }
+        _ => 1,
     }
 }

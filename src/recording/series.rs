@@ -1,12 +1,12 @@
 //! What the sensors of a recording said, sensor by sensor, for whoever works on it afterwards.
 
 use super::disk::open;
+use super::imu_message::{SensorMessage, Turned};
 use super::marker::Marker;
 use super::message::{Run, Topic, parse};
 use super::reader::check_unpacked;
 use super::sample::RunStart;
-use super::scan::{Found, scan};
-use super::sensor::{Imu, Transform};
+use super::scan::{Channel, Found, scan};
 use crate::error::{Error, ErrorKind};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -73,7 +73,7 @@ pub fn sensor_series(path: &Path) -> Result<SensorSeries, Error> {
             check_unpacked(unpacked, FILE_BYTES)?;
             series.first_ns = series.first_ns.min(header.log_time);
             series.last_ns = series.last_ns.max(header.log_time);
-            series.add(&channel.topic, header.publish_time, body);
+            series.add(channel, header.publish_time, body);
         }
         Ok(())
     })
@@ -146,7 +146,8 @@ impl SensorSeries {
         self.last_ns.saturating_sub(self.first_ns) as f64 / 1e9
     }
 
-    fn add(&mut self, topic: &str, taken_ns: u64, body: &[u8]) {
+    fn add(&mut self, channel: &Channel, taken_ns: u64, body: &[u8]) {
+        let topic = channel.topic.as_str();
         if Topic::from_name(topic) == Some(Topic::Run) {
             if let Some(run) = parse::<Run>(body) {
                 self.start = run.start.or(self.start.take());
@@ -161,9 +162,8 @@ impl SensorSeries {
         else {
             return;
         };
-        match part {
-            "sample" => {
-                let Some(imu) = parse::<Imu>(body) else { return };
+        match SensorMessage::read(&channel.encoding, part, body) {
+            Some(SensorMessage::Sample(imu, turned)) => {
                 let missed = imu.missed_before.saturating_add(imu.dropped_before);
                 self.missed = self.missed.saturating_add(missed);
                 let moment = SensorMoment {
@@ -171,20 +171,23 @@ impl SensorSeries {
                     rate_rad_s: imu.angular_velocity.map(DVec3::from),
                     acceleration_m_s2: imu.linear_acceleration.map(DVec3::from),
                     field_t: imu.magnetic_field.map(DVec3::from),
-                    orientation: None,
+                    orientation: turned.and_then(known),
                 };
                 self.sensors.entry(name.to_owned()).or_default().push(moment);
             }
-            "orientation" => {
-                let Some(transform) = parse::<Transform>(body) else { return };
+            Some(SensorMessage::Turned(turned)) => {
                 // It follows the sample it belongs to.
                 let last = self.sensors.get_mut(name).and_then(|moments| moments.last_mut());
                 if let Some(last) = last.filter(|last| last.taken_ns == taken_ns) {
-                    let known = transform.settled.then(|| DQuat::from(transform.rotation));
-                    last.orientation = known.filter(|q| q.is_finite());
+                    last.orientation = known(turned);
                 }
             }
-            _ => {}
+            None => {}
         }
     }
+}
+
+/// An orientation, once it is one.
+fn known(turned: Turned) -> Option<DQuat> {
+    turned.settled.then(|| DQuat::from(turned.rotation)).filter(|q| q.is_finite())
 }

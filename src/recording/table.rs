@@ -5,10 +5,9 @@
 //! is an empty cell. Times are seconds since the start of the recording.
 
 use super::disk::open;
-use super::message::parse;
+use super::imu_message::{Imu, Rotation, SensorMessage, Turned, Vector};
 use super::reader::read;
-use super::scan::{Found, scan};
-use super::sensor::{Imu, Rotation, Transform, Vector};
+use super::scan::{Channel, Found, scan};
 use crate::error::Error;
 use crate::table::TableWriter;
 use mcap::records::MessageHeader;
@@ -46,7 +45,7 @@ pub fn write_csv(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
         rows: Rows::default(),
     };
     let tally = scan(BufReader::new(file), |found| match found {
-        Found::Message { channel, header, body } => table.add(&channel.topic, &header, body),
+        Found::Message { channel, header, body } => table.add(channel, &header, body),
         Found::Metadata(_) => Ok(()),
     })
     .map_err(|error| error.at(path.display().to_string()))?;
@@ -61,37 +60,36 @@ pub fn write_csv(path: &Path, out: &mut impl Write) -> Result<Rows, Error> {
 struct Samples<W: Write> {
     out: TableWriter<W>,
     /// Samples whose orientation may still follow, by sensor.
-    pending: BTreeMap<String, (Imu, MessageHeader)>,
+    pending: BTreeMap<String, (Box<Imu>, MessageHeader)>,
     start_ns: Option<u64>,
     rows: Rows,
 }
 
 impl<W: Write> Samples<W> {
-    fn add(&mut self, topic: &str, header: &MessageHeader, body: &[u8]) -> Result<(), Error> {
+    fn add(&mut self, channel: &Channel, header: &MessageHeader, body: &[u8]) -> Result<(), Error> {
         self.start_ns.get_or_insert(header.log_time);
-        let Some((name, part)) = topic.strip_prefix("/imu/").and_then(|t| t.rsplit_once('/'))
+        let Some((name, part)) =
+            channel.topic.strip_prefix("/imu/").and_then(|t| t.rsplit_once('/'))
         else {
             return Ok(());
         };
-        match part {
-            "sample" => {
-                let Some(sample) = parse::<Imu>(body) else { return Ok(()) };
+        let turned = match SensorMessage::read(&channel.encoding, part, body) {
+            Some(SensorMessage::Sample(sample, turned)) => {
                 let missing = sample.missed_before.saturating_add(sample.dropped_before);
                 self.rows.missing = self.rows.missing.saturating_add(missing);
                 let before = self.pending.insert(name.to_owned(), (sample, *header));
                 if let Some((sample, header)) = before {
                     self.row(name, &sample, &header, None)?;
                 }
+                turned
             }
-            "orientation" => {
-                let Some(transform) = parse::<Transform>(body) else { return Ok(()) };
-                if let Some((sample, header)) = self.pending.remove(name) {
-                    self.row(name, &sample, &header, Some(&transform))?;
-                }
-            }
-            _ => {}
-        }
-        Ok(())
+            Some(SensorMessage::Turned(turned)) => Some(turned),
+            None => None,
+        };
+        let told = turned.and_then(|turned| Some((turned, self.pending.remove(name)?)));
+        told.map_or(Ok(()), |(turned, (sample, header))| {
+            self.row(name, &sample, &header, Some(turned))
+        })
     }
 
     fn finish(mut self) -> Result<Rows, Error> {
@@ -107,7 +105,7 @@ impl<W: Write> Samples<W> {
         name: &str,
         sample: &Imu,
         header: &MessageHeader,
-        transform: Option<&Transform>,
+        turned: Option<Turned>,
     ) -> Result<(), Error> {
         if self.rows.rows == 0 {
             self.out.row(TITLES.split(','))?;
@@ -116,7 +114,7 @@ impl<W: Write> Samples<W> {
         let start_ns = self.start_ns.unwrap_or(0);
         let since_s =
             |ns: u64| format!("{:.9}", (i128::from(ns) - i128::from(start_ns)) as f64 / 1e9);
-        let fused = transform.filter(|transform| transform.source == "vqf");
+        let fused = turned.filter(|turned| turned.is_fused);
         let mut cells = vec![
             name.to_owned(),
             sample.number.to_string(),

@@ -9,6 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::disk::{Disk, create_file, shown};
+use super::imu_message::SampleEncoding;
 use super::log::{Item, Keep, Log, Pace, Shared, Summary, locked};
 use super::message::{self, Topic};
 use super::sample::{CycleRecord, RunEnd, RunStart};
@@ -24,6 +25,7 @@ const QUEUE_SAMPLES: usize = 8192;
 #[derive(Debug)]
 struct Refused {
     name: String,
+    samples: SampleEncoding,
     /// Records since the last one the queue took.
     gap: u64,
     /// Messages, by topic.
@@ -156,16 +158,22 @@ impl Recorder {
         of_cycles.chain(of_sources).filter(|(_, dropped)| *dropped > 0).collect()
     }
 
+    /// Samples of sources that are added from now on are written so. It can be said once, and not at all: as JSON.
+    pub fn write_samples_as(&self, encoding: SampleEncoding) {
+        let _ = self.shared.samples.set(encoding);
+    }
+
     /// Adds a source; its channels stand in the file before its first record. Never waits for the
     /// disk.
     pub fn add_source(&self, source: RecordedSource) -> SourceId {
         let mut refused = locked(&self.refused);
         let id = SourceId(refused.len());
-        let topics = source.kind.channels(&source.name).into_iter().map(|(topic, ..)| (topic, 0));
-        let messages = topics.collect();
-        refused.push(Refused { name: source.name.clone(), gap: 0, messages });
+        let samples = self.shared.samples.get().copied().unwrap_or_default();
+        let channels = source.kind.channels(&source.name, samples);
+        let messages = channels.into_iter().map(|channel| (channel.topic, 0)).collect();
+        refused.push(Refused { name: source.name.clone(), samples, gap: 0, messages });
         // In the order of the numbers, so while they are locked.
-        locked(&self.shared.sources).push(source);
+        locked(&self.shared.sources).push((source, samples));
         id
     }
 
@@ -174,7 +182,7 @@ impl Recorder {
     pub fn take_record(&self, source: SourceId, record: SourceRecord) {
         let mut refused = locked(&self.refused);
         let Some(refused) = refused.get_mut(source.0) else { return };
-        let messages = sensor::message_count(&record);
+        let messages = sensor::message_count(&record, refused.samples);
         let item = Item::Record(source, record, refused.gap);
         match self.queue.as_ref().map(|queue| queue.try_send(item)) {
             Some(Ok(())) => refused.gap = 0,

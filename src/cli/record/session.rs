@@ -34,6 +34,7 @@ pub fn run(
         wear: args.wear.clone(),
         plan: args.plan.as_deref().map(read_plan).transpose()?,
         magnetometer: args.magnetometer,
+        samples: args.encoding,
         known: args.subject.iter().map(|path| read_subject(path)).collect::<Result<_, _>>()?,
     };
     let session = match open(order)? {

@@ -20,6 +20,7 @@ use crate::error::{Error, ErrorKind};
 use crate::job::heard::Rates;
 use crate::job::model::robot_model;
 use crate::job::observer::{Event, Meter, Observer, Progress};
+use crate::job::page::live::TOLD_HZ;
 use crate::job::play::{self, describe_virtual};
 use crate::job::recognise::EquationReading;
 use crate::job::recorder::RunRecorder;
@@ -47,8 +48,6 @@ use std::sync::mpsc::{Sender, channel};
 
 /// Tables per second.
 const SHOWN_HZ: f64 = 4.0;
-/// Time between two poses that somebody is shown, s.
-const POSED_S: f64 = 0.04;
 /// Time between two looks at how sensors are heard.
 const EVERY: Duration = Duration::from_millis(500);
 /// Poses per second where no robot asks for them.
@@ -748,7 +747,7 @@ impl<'a> Body<'a> {
         let worn = self.wearing.worn();
         let judged = Segment::ALL.map(|of| worn[of.index()] && !self.rests(of));
         self.doubts.look(&self.wearing.as_said(), &judged);
-        if self.looks && self.posed_at.is_none_or(|at| now.seconds_since(at) >= POSED_S) {
+        if self.looks && self.posed_at.is_none_or(|at| now.seconds_since(at) >= 1.0 / TOLD_HZ) {
             self.posed_at = Some(now);
             let age_s = now.seconds_since(oldest);
             let sensors = self.wearing.sensors(&moment);

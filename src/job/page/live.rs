@@ -13,6 +13,8 @@ use crate::view::{ANGLE_RAD, ViewPage};
 
 /// Somebody whom nobody measured is drawn as tall as this, and the camera is as far away as they need, m.
 pub(in crate::job) const DRAWN_FOR_M: f64 = 1.75;
+/// Poses of somebody per second that whoever looks on is told, at most.
+pub(in crate::job) const TOLD_HZ: f64 = 25.0;
 
 /// A page of a session, to which what is to be done comes, how sensors are heard, and what whoever wears them does.
 ///

@@ -3,6 +3,7 @@
 use crate::body::anthropometry::Subject;
 use crate::body::{Segment, segment_name};
 use crate::error::Error;
+use crate::recording::SampleEncoding;
 use crate::sensing::{Source, What};
 use crate::session::wearers::wearer;
 use crate::session::{Plan, SessionFile};
@@ -25,6 +26,8 @@ pub struct SessionOrder {
     pub magnetometer: bool,
     /// Subjects of other sessions: who has one of these ids is not measured again.
     pub known: Vec<Subject>,
+    /// How samples of sensors are written in trials.
+    pub samples: SampleEncoding,
 }
 
 /// A sensor of a session.

@@ -105,6 +105,7 @@ fn record(
         let path = job.folder.path(&format!("trials/{stem}.mcap"));
         let start = start(job, planned, name, id, kept)?;
         let recorder = Arc::new(Recorder::create_for_sources(&path, false, start)?);
+        recorder.write_samples_as(job.samples);
         let marks = recorder.add_source(RecordedSource {
             name: "marks".to_owned(),
             metadata: BTreeMap::new(),

@@ -1,7 +1,7 @@
 //! What `live` reports, as a person reads it.
 
+use super::report::{BodyReport, LiveReport};
 use crate::job::explain::BodySide;
-use crate::job::live::{BodyReport, LiveReport};
 use crate::job::report::counted;
 use crate::job::source_words;
 use std::fmt::Write;
@@ -36,7 +36,8 @@ impl BodyReport {
 
 impl LiveReport {
     /// The report as lines for a person; `brief`: how it ended, and what was written.
-    pub(in crate::cli) fn text(&self, brief: bool) -> String {
+    #[must_use]
+    pub fn text(&self, brief: bool) -> String {
         let mut out = self.run.text(brief);
         if brief {
             return out;
