@@ -212,7 +212,7 @@ fn samples_in_few_bytes_are_decoded_by_others_from_what_the_file_says_of_them() 
     recorder.write_samples_as(SampleEncoding::Protobuf);
     let (name, metadata) = ("left".to_owned(), Default::default());
     let id = recorder.add_source(RecordedSource { name, metadata, kind: SourceKind::Imu });
-    let rate = |n: u64| (n % 4 != 0).then(|| DVec3::new(0.5 * n as f64, -0.25, 8.0));
+    let rate = |n: u64| (!n.is_multiple_of(4)).then(|| DVec3::new(0.5 * n as f64, -0.25, 8.0));
     let fused = |n: u64| Fused {
         orientation: DQuat::from_rotation_x(0.2 * n as f64),
         settled: n > 20,

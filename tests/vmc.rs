@@ -223,10 +223,10 @@ fn whoever_connects_is_sent_a_hierarchy_and_then_a_line_for_each_pose() {
     let stream = BvhStream::new(&Nobody, Some("127.0.0.1:0")).expect("it listens");
     assert!(stream.looks());
     let address = stream.address().expect("an address");
-    let knees: Vec<f64> = (0..20).map(|n| f64::from(n) * 0.05).collect();
-    let posed = |knee_rad: f64| {
+    let elbows: Vec<f64> = (0..20).map(|n| f64::from(n) * 0.05).collect();
+    let posed = |elbow_rad: f64| {
         let mut angles = JointAngles::default();
-        angles[Dof::LeftKneeFlexion] = knee_rad;
+        angles[Dof::LeftElbowFlexion] = elbow_rad;
         let pose = angles.to_pose(DVec3::Z * 7.0, DQuat::IDENTITY);
         stream.hear(Event::Posed {
             pose: &pose,
@@ -237,30 +237,30 @@ fn whoever_connects_is_sent_a_hierarchy_and_then_a_line_for_each_pose() {
     };
     posed(0.0);
     let first = TcpStream::connect(address).expect("it is let in");
-    knees.iter().for_each(|knee_rad| posed(*knee_rad));
+    elbows.iter().for_each(|elbow_rad| posed(*elbow_rad));
     let second = TcpStream::connect(address).expect("it is let in");
     posed(1.0);
     // Of the file that a program keeps, once it writes down how many poses there are, angles are as they were told.
     let frames =
         |told: &str| told.split("Frame Time").nth(1).map_or(0, |of| of.lines().count() - 1);
-    let told = sent(&first, |told| frames(told) == knees.len() + 1);
+    let told = sent(&first, |told| frames(told) == elbows.len() + 1);
     assert!(told.starts_with("HIERARCHY\n") && told.contains("\nFrames: 0\n"), "{told}");
-    let text = told.replace("Frames: 0", &format!("Frames: {}", knees.len() + 1));
+    let text = told.replace("Frames: 0", &format!("Frames: {}", elbows.len() + 1));
     let file = program::folder("kept").join("kept.bvh");
     std::fs::write(&file, &text).expect("written");
     let (capture, _) =
         body_motion(&file.display().to_string(), None, &Default::default()).expect("a person");
-    // One leg stays straight: the pelvis is as high as in somebody who stands (to a toe, or the heel), in cm, Y up.
+    // The pelvis is as high as in somebody who stands, in cm, Y up; soles have a thickness.
     let height_cm = Proportions::of_stature(1.75).expect("a body").root_height_m() * 100.0;
     for line in text.split("Frame Time").nth(1).expect("poses").lines().skip(1) {
         let up: f64 = line.split(' ').nth(1).expect("a place").parse().expect("a number");
         assert!((up - height_cm).abs() < 1.5, "{up} {height_cm}");
     }
-    for (pose, knee_rad) in capture.poses.iter().zip(knees.iter().chain(&[1.0])) {
-        let found = JointAngles::of_pose(pose).angles[Dof::LeftKneeFlexion];
-        assert!((found - knee_rad).abs() < 1e-3, "{found} {knee_rad}");
+    for (pose, elbow_rad) in capture.poses.iter().zip(elbows.iter().chain(&[1.0])) {
+        let found = JointAngles::of_pose(pose).angles[Dof::LeftElbowFlexion];
+        assert!((found - elbow_rad).abs() < 1e-3, "{found} {elbow_rad}");
     }
-    assert_eq!(capture.poses.len(), knees.len() + 1);
+    assert_eq!(capture.poses.len(), elbows.len() + 1);
     let told = sent(&second, |told| frames(told) == 1);
     assert_eq!(told.lines().last(), text.lines().last(), "whoever comes later sees what is now");
 }
