@@ -4,7 +4,8 @@ use crate::body::{Segment, segment_name, segment_named};
 use crate::cli::Remarks;
 use crate::cli::signals::Signals;
 use crate::error::Error;
-use crate::job::simulate::imus::{ImusOrder, SensorDoors, Wearer};
+use crate::job::simulate::imus::{ImusOrder, OpenSensor, SensorDoors, Wearer};
+use crate::job::simulate::participant::{FollowOrder, Participant};
 use crate::job::simulate::worn::Strapping;
 use crate::time::{Duration, duration};
 use clap::Args;
@@ -20,6 +21,18 @@ pub struct ImusArgs {
     /// What the person does after the calibration poses
     #[arg(long, value_name = "MOTION", default_value = "walk:30s")]
     motion: String,
+    /// Take part in the session in this folder (`record --session DIR`): do what is asked of its subject, and wait for the operator
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["motion", "stand"])]
+    follow: Option<PathBuf>,
+    /// Which subject of the session this is [default: whoever is asked]
+    #[arg(long, value_name = "ID", requires = "follow")]
+    subject: Option<String>,
+    /// What is done for an action of the session: wave=FILE.bvh, or a phrase of actions; without it what ships under that name
+    #[arg(long, value_name = "NAME=MOTION", requires = "follow", value_parser = action)]
+    action: Vec<(String, String)>,
+    /// What goes wrong: a stumble, swapped or lost sensors, something late or wrong (see docs/capture.md)
+    #[arg(long, value_name = "FILE.toml", requires = "follow")]
+    script: Option<PathBuf>,
     /// Segments that wear a sensor (comma between names), or all
     #[arg(long, value_name = "SEGMENTS", value_delimiter = ',', default_value = "all")]
     wear: Vec<String>,
@@ -76,16 +89,23 @@ fn share(text: &str) -> Result<f64, String> {
     up_to(1.0, text)
 }
 
+fn action(text: &str) -> Result<(String, String), String> {
+    let pair = text.split_once('=').filter(|(name, motion)| !name.is_empty() && !motion.is_empty());
+    let (name, motion) = pair.ok_or("allowed is NAME=MOTION")?;
+    Ok((name.to_owned(), motion.to_owned()))
+}
+
 /// Runs `simulate imus` until a signal comes.
 ///
 /// # Errors
 /// As [`Wearer::open`].
 pub fn run(args: &ImusArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let wearer = Wearer::open(&order(args)?)?;
-    for sensor in wearer.sensors() {
-        super::tell(&format!("{} {}\n", sensor.place, segment_name(sensor.segment)))?;
+    if let Some(session) = &args.follow {
+        return take_part(args, session.clone(), &signals, remarks);
     }
+    let wearer = Wearer::open(&order(args)?)?;
+    list(wearer.sensors())?;
     if let Some(path) = wearer.wear_file() {
         remarks.say(&format!(
             "then: gaitway live --wear {} --robot op3 --bus sim:pty --n-pose-after 1s --moves bow\n\
@@ -101,6 +121,46 @@ pub fn run(args: &ImusArgs, remarks: Remarks) -> Result<i32, Error> {
             remarks.say(now.unwrap_or("nobody listens"));
             doing = now;
         }
+    }
+    Ok(0)
+}
+
+/// A line for each sensor: what to open, and its segment.
+fn list(sensors: &[OpenSensor]) -> Result<(), Error> {
+    for sensor in sensors {
+        super::tell(&format!("{} {}\n", sensor.place, segment_name(sensor.segment)))?;
+    }
+    Ok(())
+}
+
+/// Takes part in a session until a signal comes.
+fn take_part(
+    args: &ImusArgs,
+    session: PathBuf,
+    signals: &Signals,
+    remarks: Remarks,
+) -> Result<i32, Error> {
+    let (subject, actions, script) =
+        (args.subject.clone(), args.action.clone(), args.script.clone());
+    let mut order = order(args)?;
+    let lab = session.display().to_string();
+    let mut participant =
+        Participant::open(&order, FollowOrder { session, subject, actions, script })?;
+    list(participant.sensors())?;
+    let profile = std::mem::take(&mut order.profile);
+    let source = |sensor: &OpenSensor| {
+        format!("{}=imu:{profile}@{}", segment_name(sensor.segment), sensor.place)
+    };
+    if args.pty.is_some() {
+        let sources: Vec<String> = participant.sensors().iter().map(source).collect();
+        let sources = sources.join(" ");
+        remarks.say(&format!("then: gaitway record --session {lab} {sources}\nCtrl-C ends it"));
+    }
+    while signals.first().is_none() {
+        for line in participant.attend() {
+            remarks.say(&line);
+        }
+        std::thread::sleep(LOOK);
     }
     Ok(0)
 }
