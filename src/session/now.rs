@@ -174,7 +174,8 @@ impl Now {
         };
         // What is no file, a pipe above all, must not be waited for.
         let nonblocking = rustix::fs::OFlags::NONBLOCK.bits();
-        let opened = OpenOptions::new().read(true).custom_flags(nonblocking.cast_signed()).open(&path);
+        let opened =
+            OpenOptions::new().read(true).custom_flags(nonblocking.cast_signed()).open(&path);
         let file = match opened {
             Ok(file) => file,
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -229,7 +230,8 @@ mod tests {
 
     /// An empty folder.
     fn folder(name: &str) -> std::path::PathBuf {
-        let folder = std::env::temp_dir().join(format!("gaitway-now-{}-{name}", std::process::id()));
+        let folder =
+            std::env::temp_dir().join(format!("gaitway-now-{}-{name}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder).expect("a folder");
         folder
@@ -240,7 +242,8 @@ mod tests {
     }
 
     fn written(folder: &Path, now: &Now) {
-        std::fs::write(folder.join(NOW_FILE), serde_json::to_vec(now).expect("JSON")).expect("written");
+        std::fs::write(folder.join(NOW_FILE), serde_json::to_vec(now).expect("JSON"))
+            .expect("written");
     }
 
     #[test]

@@ -296,3 +296,201 @@ impl Operator for WithNotice<'_> {
         self.asked(&Asking::repetitions(marked), || self.operator.repetitions(marked))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::now::Now;
+    use std::path::PathBuf;
+
+    /// Says yes to everything, and notes what it hears.
+    #[derive(Default)]
+    struct Yes(Mutex<Vec<String>>);
+
+    impl Person for Yes {
+        fn tell(&self, _: Cue<'_>) {}
+
+        fn answer(&self) -> Option<Answer> {
+            None
+        }
+
+        fn can_answer(&self) -> bool {
+            true
+        }
+
+        fn wants_to_stop(&self) -> bool {
+            false
+        }
+    }
+
+    impl Operator for Yes {
+        fn person(&self) -> &dyn Person {
+            self
+        }
+
+        fn hear(&self, happening: Happening<'_>) {
+            self.0.lock().expect("whole").push(told(&happening));
+        }
+
+        fn ready(&self, _: Ready<'_>) -> Answered<()> {
+            Ok(())
+        }
+
+        fn words(&self, _: Words<'_>) -> Answered<String> {
+            Ok(String::new())
+        }
+
+        fn actions(&self) -> Answered<Vec<String>> {
+            Ok(Vec::new())
+        }
+
+        fn needed_measure(&self, _: Measure) -> Answered<f64> {
+            Ok(1.7)
+        }
+
+        fn measure(&self, _: Measure) -> Answered<MeasureAnswer> {
+            Ok(MeasureAnswer::NothingMore)
+        }
+
+        fn is_right(&self, _: Doubt<'_>) -> Answered<bool> {
+            Ok(true)
+        }
+
+        fn unsteady(&self) -> Answered<Unsteady> {
+            Ok(Unsteady::Repeat)
+        }
+
+        fn mend(&self, _: &Error) -> Answered<Mend> {
+            Ok(Mend::Again)
+        }
+
+        fn judge(&self, _: Judged<'_>, usual: Verdict) -> Answered<Verdict> {
+            Ok(usual)
+        }
+
+        fn wish(&self, _: &str) -> Answered<Wish> {
+            Ok(Wish::Record)
+        }
+
+        fn during_trial(&self, _: Duration) -> Answered<During> {
+            Ok(During::End)
+        }
+
+        fn repetitions(&self, marked: usize) -> Answered<Repetitions> {
+            Ok(Repetitions::try_from(marked).expect("few"))
+        }
+    }
+
+    fn folder(name: &str) -> PathBuf {
+        let root =
+            std::env::temp_dir().join(format!("gaitway-notice-{}-{name}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&root);
+        root
+    }
+
+    #[test]
+    fn what_is_asked_now_stands_in_the_folder_and_is_gone_at_the_end() {
+        let root = folder("asked");
+        let folder = Folder::open(&root).expect("a folder");
+        let yes = Yes::default();
+        let with = WithNotice::new(&yes, &folder);
+        let now = || Now::read(&root).expect("readable").expect("it is there");
+        let asked = || (now().wanted, now().times, now().subjects);
+        let nobody = Vec::new;
+        let s01 = || vec!["s01".to_owned()];
+        assert_eq!(asked(), (Wanted::Wait, 1, nobody()));
+        let _ = with.ready(Ready::LyingStill { sensors: &["torso".to_owned()] });
+        assert_eq!(asked(), (Wanted::LieStill, 1, nobody()));
+        with.hear(Happening::MeasuringStill { seconds: 2.5 });
+        assert_eq!((asked(), now().hold_s), ((Wanted::LieStill, 1, nobody()), Some(2.5)));
+        let _ = with.ready(Ready::Worn { subject: "s01", segments: &[] });
+        assert_eq!(asked(), (Wanted::PutOn, 1, s01()));
+        let person = with.person();
+        person.tell(Cue::NPose);
+        assert_eq!(asked(), (Wanted::NPose, 1, s01()));
+        let request = now().request;
+        person.tell(Cue::HoldStill(Duration::from_secs(3)));
+        assert_eq!((now().request, now().hold_s), (request, Some(3.0)), "the same request");
+        // Somebody moved: the same is asked anew.
+        person.tell(Cue::NPose);
+        assert_eq!(asked(), (Wanted::NPose, 2, s01()));
+        assert_eq!((now().request, now().hold_s), (request + 1, None));
+        person.tell(Cue::Good);
+        assert_eq!(asked(), (Wanted::Wait, 2, nobody()));
+        person.tell(Cue::TPose);
+        assert_eq!(asked(), (Wanted::TPose, 1, s01()));
+        for (times, movement) in [(1, Movement::Bow), (1, Movement::Bend), (2, Movement::Bow)] {
+            person.tell(Cue::Move(movement));
+            assert_eq!(asked(), (Wanted::Move, times, s01()), "{movement:?}");
+        }
+        assert_eq!(now().movement.as_deref(), Some("bow"));
+        let action = PlannedAction { name: "bow".into(), ..PlannedAction::default() };
+        let both = ["s01".to_owned(), "s02".to_owned()];
+        let next = Happening::NextTrial {
+            number: 1,
+            total: 1,
+            action: &action,
+            subjects: &both,
+            good: 3,
+            wanted: 5,
+        };
+        with.hear(next);
+        let _ = with.ready(Ready::Practised);
+        assert_eq!(asked(), (Wanted::Practise, 1, both.to_vec()));
+        with.hear(Happening::FacingForward { subject: "s02" });
+        person.tell(Cue::NPose);
+        assert_eq!(asked(), (Wanted::NPose, 3, vec!["s02".to_owned()]));
+        with.hear(Happening::Recording { trial: "bow-01" });
+        with.hear(Happening::Marked { good: 1, bad: 2, time_s: 1.0 });
+        let action = now().action.expect("an action");
+        assert!(now().recording);
+        assert_eq!((action.name.as_str(), action.trial.as_deref()), ("bow", Some("bow-01")));
+        assert_eq!((action.good, action.wanted, action.bad), (4, 5, 2));
+        // As its file says.
+        assert_eq!(action.lasts_s, Some(2.8));
+        let _ = with.during_trial(Duration::from_millis(1));
+        assert_eq!((asked().0, now().recording, now().action), (Wanted::Wait, false, None));
+        drop(with);
+        assert_eq!(Now::read(&root), Ok(None));
+        assert!(!root.join("now.json.new").exists());
+        std::fs::remove_dir_all(root).expect("taken away");
+    }
+
+    #[test]
+    fn where_it_cannot_be_written_that_is_told_once_and_the_session_goes_on() {
+        let root = folder("taken");
+        // Nothing of that keeps a session from beginning: it may have been left behind.
+        std::fs::create_dir_all(root.join(NOW_FILE).join("inside")).expect("in its place");
+        let folder = Folder::open(&root).expect("a folder");
+        let yes = Yes::default();
+        {
+            let with = WithNotice::new(&yes, &folder);
+            assert_eq!(with.ready(Ready::Explained), Ok(()));
+            with.person().tell(Cue::NPose);
+        }
+        let said = yes.0.lock().expect("whole").clone();
+        assert_eq!(said.len(), 1, "{said:?}");
+        assert!(said[0].contains("the session goes on") && said[0].contains(NOW_FILE), "{said:?}");
+        std::fs::remove_dir_all(root).expect("taken away");
+    }
+
+    /// A link that somebody laid there leads nowhere else.
+    #[test]
+    fn nothing_is_written_through_a_link() {
+        let root = folder("link");
+        let folder = Folder::open(&root).expect("a folder");
+        let victim = root.join("angles/victim");
+        std::fs::write(&victim, "mine").expect("written");
+        for name in [NOW_FILE, "now.json.new"] {
+            std::os::unix::fs::symlink(&victim, root.join(name)).expect("a link");
+        }
+        let yes = Yes::default();
+        let with = WithNotice::new(&yes, &folder);
+        assert_eq!(std::fs::read_to_string(&victim).expect("it"), "mine");
+        assert!(Now::read(&root).expect("readable").is_some());
+        drop(with);
+        assert_eq!(std::fs::read_to_string(&victim).expect("it"), "mine");
+        assert!(yes.0.lock().expect("whole").is_empty());
+        std::fs::remove_dir_all(root).expect("taken away");
+    }
+}

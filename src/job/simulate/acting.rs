@@ -26,6 +26,9 @@ const STANDING_S: f64 = 0.9;
 const AGAIN_S: f64 = 6.0;
 /// Into an action, out of it, and standing before the next time, s.
 const BETWEEN_S: f64 = 0.8;
+/// Whatever moves comes to its pace in this time, and to rest, s: a capture may begin and end anywhere in a movement, and
+/// something else may be asked at any time.
+const PACE_S: f64 = 0.5;
 /// How long a stumble takes, s, how far the body leans in it, rad, and how far it goes, m.
 const STUMBLE_S: f64 = 1.2;
 const STUMBLE_RAD: f64 = 0.35;
@@ -69,6 +72,12 @@ fn smooth(time: f64) -> f64 {
 /// There and back: how far, at a share of the time.
 fn there_and_back(time: f64) -> f64 {
     smooth(2.0 * time) - smooth(2.0 * time - 1.0)
+}
+
+/// What was gone through of something that comes to its pace as [`smooth`] does, in `pace_s`, after so long.
+fn begun_s(time_s: f64, pace_s: f64) -> f64 {
+    let x = (time_s / pace_s.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    pace_s * x.powi(4) * (2.5 - 3.0 * x + x * x) + (time_s - pace_s).max(0.0)
 }
 
 /// Where somebody stands, and where they look.
@@ -201,14 +210,14 @@ impl Act {
                 let (number, into_s) = (since_s / round.lasts_s(), since_s % round.lasts_s());
                 let here = round.stood(from, number.floor() as u64);
                 let then = round.next(&here);
-                let done_s = into_s - BETWEEN_S - round.motion_s;
+                let done_s = into_s - BETWEEN_S - round.moves_s();
                 if into_s < BETWEEN_S {
                     let first = round.pose(0.0, &here);
                     stays(Stays::NPose, &here).towards(&first, smooth(into_s / BETWEEN_S))
                 } else if done_s < 0.0 {
                     round.pose(into_s - BETWEEN_S, &here)
                 } else {
-                    let last = round.pose(round.motion_s, &here);
+                    let last = round.pose(round.moves_s(), &here);
                     last.towards(&stays(Stays::NPose, &then), smooth(done_s / BETWEEN_S))
                 }
             }
@@ -236,16 +245,33 @@ impl<'a> Round<'a> {
         };
         let (first, end) = (stands(0.0), stands(motion_s));
         let back = first.turned.inverse();
-        let last = Standing {
-            floor_m: back * (end.floor_m - first.floor_m),
-            turned: back * end.turned,
-        };
+        let last =
+            Standing { floor_m: back * (end.floor_m - first.floor_m), turned: back * end.turned };
         Self { capture, motion_s, first, last }
     }
 
+    /// How long it takes to come to its pace.
+    const fn pace_s(&self) -> f64 {
+        self.motion_s.min(PACE_S)
+    }
+
+    /// How long it is done, from rest to rest.
+    const fn moves_s(&self) -> f64 {
+        self.motion_s + self.pace_s()
+    }
+
     /// Once, and standing before the next time.
-    fn lasts_s(&self) -> f64 {
-        self.motion_s + 3.0 * BETWEEN_S
+    const fn lasts_s(&self) -> f64 {
+        self.moves_s() + 3.0 * BETWEEN_S
+    }
+
+    /// Where in the capture one is who has done it for so long.
+    fn captured_s(&self, time_s: f64) -> f64 {
+        let left_s = self.moves_s() - time_s;
+        match left_s < self.pace_s() {
+            true => self.motion_s - begun_s(left_s.max(0.0), self.pace_s()),
+            false => begun_s(time_s, self.pace_s()),
+        }
     }
 
     /// Where one stands who did it from there.
@@ -262,7 +288,7 @@ impl<'a> Round<'a> {
     }
 
     fn pose(&self, time_s: f64, at: &Standing) -> SegmentPose {
-        let pose = self.capture.at(time_s);
+        let pose = self.capture.at(self.captured_s(time_s));
         let turned = at.turned * self.first.turned.inverse();
         SegmentPose {
             root_m: at.floor_m + turned * (pose.root_m - self.first.floor_m),
@@ -271,24 +297,36 @@ impl<'a> Round<'a> {
     }
 }
 
-/// What is done since when; the one before goes on beneath it until it has faded.
+/// What is done since when; the one before comes to rest beneath it while it fades.
 #[derive(Clone, Debug)]
 struct Layer {
     act: Act,
     from: Standing,
     since_s: f64,
+    /// When something else was asked.
+    until_s: f64,
     /// By segment, from what is done beneath: the way round that was taken when it began, which is kept.
     way: [Option<DQuat>; 13],
 }
 
 impl Layer {
+    const fn new(act: Act, from: Standing, since_s: f64) -> Self {
+        Self { act, from, since_s, until_s: f64::INFINITY, way: [None; 13] }
+    }
+
     fn share(&self, time_s: f64) -> f64 {
         smooth((time_s - self.since_s) / FADE_S)
     }
 
+    fn pose(&self, time_s: f64, body: &Proportions) -> SegmentPose {
+        let since_s = time_s.min(self.until_s) - self.since_s;
+        let over_s = (time_s - self.until_s).clamp(0.0, PACE_S);
+        self.act.pose(since_s + over_s - begun_s(over_s, PACE_S), &self.from, body)
+    }
+
     /// On the way from what is beneath to what is done.
     fn over(&mut self, beneath: &SegmentPose, time_s: f64, body: &Proportions) -> SegmentPose {
-        let to = self.act.pose(time_s - self.since_s, &self.from, body);
+        let to = self.pose(time_s, body);
         let share = self.share(time_s);
         SegmentPose {
             root_m: beneath.root_m.lerp(to.root_m, share),
@@ -344,7 +382,7 @@ impl Acting {
         let on = |segment| Strapped { was: segment, is: segment, since_s: 0.0 };
         Ok(Self {
             body: Proportions::of_stature(stature_m)?,
-            layers: vec![Layer { act, from, since_s: 0.0, way: [None; 13] }],
+            layers: vec![Layer::new(act, from, 0.0)],
             stumbles: Vec::new(),
             strapped: Segment::ALL.map(on),
             made: 0,
@@ -353,24 +391,26 @@ impl Acting {
     }
 
     /// When the next pose is that was not made yet, s.
-    fn next_s(&self) -> f64 {
+    #[must_use]
+    pub fn next_s(&self) -> f64 {
         self.made as f64 / RATE_HZ
     }
 
     /// From now on this is done.
     pub fn does(&mut self, act: Act) {
         let since_s = self.next_s();
-        let Some(last) = self.layers.last() else { return };
+        let Some(last) = self.layers.last_mut() else { return };
         let from = match &last.act {
             // Who walked stands where they are, and looks where they look.
             Act::Repeat(..) => {
-                let pose = last.act.pose(since_s - last.since_s, &last.from, &self.body);
+                let pose = last.pose(since_s, &self.body);
                 let turned = facing(pose.orientation[Segment::Pelvis.index()]);
                 Standing { floor_m: floor(pose.root_m), turned }
             }
             _ => last.from,
         };
-        self.layers.push(Layer { act, from, since_s, way: [None; 13] });
+        last.until_s = since_s;
+        self.layers.push(Layer::new(act, from, since_s));
     }
 
     /// Somebody stumbles now, in this direction.
@@ -398,8 +438,7 @@ impl Acting {
         let faded = self.layers.iter().rposition(|layer| layer.share(time_s) >= 1.0);
         self.layers.drain(..faded.unwrap_or(0));
         let body = &self.body;
-        let lowest = &self.layers[0];
-        let mut pose = lowest.act.pose(time_s - lowest.since_s, &lowest.from, body);
+        let mut pose = self.layers[0].pose(time_s, body);
         for layer in &mut self.layers[1..] {
             pose = layer.over(&pose, time_s, body);
         }
