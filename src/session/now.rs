@@ -105,7 +105,7 @@ pub struct Now {
     pub change: u64,
     /// Number of the request, from 1: a new one for everything that is asked anew, the same again too.
     pub request: u64,
-    /// How often the same was asked until now, this time with it: of movements each for itself.
+    /// How often the same was asked of the same subjects until now, this time with it: of movements each for itself.
     pub times: u64,
     /// What is wanted.
     pub wanted: Wanted,

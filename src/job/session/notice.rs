@@ -30,7 +30,7 @@ pub(super) struct WithNotice<'a> {
 #[derive(Default)]
 struct Stated {
     now: Now,
-    /// How often each was asked, by its word.
+    /// How often each was asked of whom.
     times: BTreeMap<String, u64>,
     /// Whom the guide leads.
     subject: Vec<String>,
@@ -62,7 +62,8 @@ impl Stated {
         let is_of_action = matches!(wanted, Wanted::Watch | Wanted::Practise | Wanted::Perform);
         now.action = is_of_action.then(|| self.action.clone());
         now.request += 1;
-        let times = self.times.entry(now.word().to_owned()).or_default();
+        let same = format!("{} {}", now.word(), now.subjects.join(" "));
+        let times = self.times.entry(same).or_default();
         *times += 1;
         now.times = *times;
     }
@@ -439,7 +440,7 @@ mod tests {
         assert_eq!(asked(), (Wanted::Practise, 1, both.to_vec()));
         with.hear(Happening::FacingForward { subject: "s02" });
         person.tell(Cue::NPose);
-        assert_eq!(asked(), (Wanted::NPose, 3, vec!["s02".to_owned()]));
+        assert_eq!(asked(), (Wanted::NPose, 1, vec!["s02".to_owned()]));
         with.hear(Happening::Recording { trial: "bow-01" });
         with.hear(Happening::Marked { good: 1, bad: 2, time_s: 1.0 });
         let action = now().action.expect("an action");

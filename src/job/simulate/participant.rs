@@ -207,9 +207,10 @@ impl Participant {
         self.due.retain(|(_, deed)| !matches!(deed, Deed::Does(..)));
         let (mut act, mut words) = self.wanted(now);
         let mut late_s = 0.0;
+        let is_for = now.is_for(self.order.subject.as_deref());
         for at in 0..self.script.mishaps.len() {
             let mishap = &self.script.mishaps[at];
-            let Some(after_s) = mishap.occasion.after_s(now) else { continue };
+            let Some(after_s) = mishap.occasion.after_s(now).filter(|_| is_for) else { continue };
             if std::mem::replace(&mut self.befell[at], true) {
                 continue;
             }
@@ -230,10 +231,16 @@ impl Participant {
                 }
             }
         }
-        let why = match now.wanted {
-            Wanted::Wait => format!("nothing is asked, request {}", now.request),
-            _ => format!("{} is asked, request {}", now.word().replace('_', " "), now.request),
+        let asked = match now.wanted {
+            Wanted::Wait => "nothing is asked".to_owned(),
+            _ if is_for => {
+                format!("{} is asked", now.word().replace('_', " "))
+            }
+            _ => {
+                format!("{} is asked of {}", now.word().replace('_', " "), now.subjects.join(", "))
+            }
         };
+        let why = format!("{asked}, request {}", now.request);
         if let Some(act) = act {
             self.due.push((now_s + late_s, Deed::Does(act, format!("{words} ({why})"))));
         }
