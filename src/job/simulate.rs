@@ -7,4 +7,5 @@ pub mod participant;
 pub mod person;
 pub mod robot;
 pub mod script;
+pub mod virtual_person;
 pub mod worn;

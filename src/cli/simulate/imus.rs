@@ -1,12 +1,13 @@
 //! `simulate imus`: a virtual person who wears virtual sensors, each of which other programs open.
 
-use crate::body::{Segment, segment_name, segment_named};
+use crate::body::segment_name;
 use crate::cli::Remarks;
 use crate::cli::signals::Signals;
 use crate::error::Error;
-use crate::job::simulate::imus::{ImusOrder, OpenSensor, SensorDoors, Wearer};
-use crate::job::simulate::participant::{FollowOrder, Participant};
-use crate::job::simulate::worn::Strapping;
+use crate::job::simulate::imus::{ImusOrder, SensorDoors, segments};
+use crate::job::simulate::participant::FollowOrder;
+use crate::job::simulate::virtual_person::{VirtualPerson, named_motion};
+use crate::job::simulate::worn::{Strapping, degrees, factor, share};
 use crate::time::{Duration, duration};
 use clap::Args;
 use std::path::PathBuf;
@@ -28,7 +29,7 @@ pub struct ImusArgs {
     #[arg(long, value_name = "ID", requires = "follow")]
     subject: Option<String>,
     /// What is done for an action of the session: wave=FILE.bvh, or a phrase of actions; without it what ships under that name
-    #[arg(long, value_name = "NAME=MOTION", requires = "follow", value_parser = action)]
+    #[arg(long, value_name = "NAME=MOTION", requires = "follow", value_parser = named_motion)]
     action: Vec<(String, String)>,
     /// What goes wrong: a stumble, swapped or lost sensors, something late or wrong (see docs/capture.md)
     #[arg(long, value_name = "FILE.toml", requires = "follow")]
@@ -71,96 +72,25 @@ pub struct ImusArgs {
     seed: u64,
 }
 
-/// Reads a number from zero to `most`.
-fn up_to(most: f64, text: &str) -> Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|value| (0.0..=most).contains(value));
-    value.ok_or_else(|| format!("allowed are 0 to {most}"))
-}
-
-fn factor(text: &str) -> Result<f64, String> {
-    up_to(1e3, text)
-}
-
-fn degrees(text: &str) -> Result<f64, String> {
-    up_to(180.0, text)
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    up_to(1.0, text)
-}
-
-fn action(text: &str) -> Result<(String, String), String> {
-    let pair = text.split_once('=').filter(|(name, motion)| !name.is_empty() && !motion.is_empty());
-    let (name, motion) = pair.ok_or("allowed is NAME=MOTION")?;
-    Ok((name.to_owned(), motion.to_owned()))
-}
-
 /// Runs `simulate imus` until a signal comes.
 ///
 /// # Errors
-/// As [`Wearer::open`].
+/// As [`VirtualPerson::open`].
 pub fn run(args: &ImusArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    if let Some(session) = &args.follow {
-        return take_part(args, session.clone(), &signals, remarks);
-    }
-    let wearer = Wearer::open(&order(args)?)?;
-    list(wearer.sensors())?;
-    if let Some(path) = wearer.wear_file() {
-        remarks.say(&format!(
-            "then: gaitway live --wear {} --robot op3 --bus sim:pty --n-pose-after 1s --moves bow\n\
-             Ctrl-C ends it",
-            path.display()
-        ));
-    }
-    let mut doing = None;
-    while signals.first().is_none() {
-        std::thread::sleep(LOOK);
-        let now = wearer.doing();
-        if now != doing {
-            remarks.say(now.unwrap_or("nobody listens"));
-            doing = now;
-        }
-    }
-    Ok(0)
-}
-
-/// A line for each sensor: what to open, and its segment.
-fn list(sensors: &[OpenSensor]) -> Result<(), Error> {
-    for sensor in sensors {
+    let (subject, script) = (args.subject.clone(), args.script.clone());
+    let actions = args.action.clone();
+    let follow = |session| FollowOrder { session, subject, actions, script };
+    let mut person = VirtualPerson::open(&order(args)?, args.follow.clone().map(follow))?;
+    for sensor in person.sensors() {
         super::tell(&format!("{} {}\n", sensor.place, segment_name(sensor.segment)))?;
     }
-    Ok(())
-}
-
-/// Takes part in a session until a signal comes.
-fn take_part(
-    args: &ImusArgs,
-    session: PathBuf,
-    signals: &Signals,
-    remarks: Remarks,
-) -> Result<i32, Error> {
-    let (subject, actions, script) =
-        (args.subject.clone(), args.action.clone(), args.script.clone());
-    let mut order = order(args)?;
-    let lab = session.display().to_string();
-    let mut participant =
-        Participant::open(&order, FollowOrder { session, subject, actions, script })?;
-    list(participant.sensors())?;
-    let profile = std::mem::take(&mut order.profile);
-    let source = |sensor: &OpenSensor| {
-        format!("{}=imu:{profile}@{}", segment_name(sensor.segment), sensor.place)
-    };
-    if args.pty.is_some() {
-        let sources: Vec<String> = participant.sensors().iter().map(source).collect();
-        let sources = sources.join(" ");
-        remarks.say(&format!("then: gaitway record --session {lab} {sources}\nCtrl-C ends it"));
+    if let Some(next) = person.next() {
+        remarks.say(&format!("then: {next}\nCtrl-C ends it"));
     }
     while signals.first().is_none() {
-        for line in participant.attend() {
-            remarks.say(&line);
-        }
         std::thread::sleep(LOOK);
+        person.attend().iter().for_each(|line| remarks.say(line));
     }
     Ok(0)
 }
@@ -189,11 +119,4 @@ fn order(args: &ImusArgs) -> Result<ImusOrder, Error> {
         },
         seed: args.seed,
     })
-}
-
-fn segments(typed: &[String]) -> Result<Vec<Segment>, Error> {
-    if typed.iter().any(|name| name == "all") {
-        return Ok(Segment::ALL.to_vec());
-    }
-    typed.iter().map(|name| segment_named(name).map_err(|e| e.at("--wear"))).collect()
 }

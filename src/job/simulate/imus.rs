@@ -2,7 +2,7 @@
 
 use super::person::Person;
 use super::worn::{Strapping, Worn, wire};
-use crate::body::{Segment, segment_name};
+use crate::body::{Segment, segment_name, segment_named};
 use crate::corpus::store::check_outside;
 use crate::error::{Error, ErrorKind};
 use crate::job::source::body_motion;
@@ -57,6 +57,17 @@ pub struct OpenSensor {
     pub segment: Segment,
     /// Path of its terminal, or its tracker's name.
     pub place: String,
+}
+
+/// Reads names of segments, one of which may be `all`.
+///
+/// # Errors
+/// A name of none.
+pub fn segments(typed: &[String]) -> Result<Vec<Segment>, Error> {
+    if typed.iter().any(|name| name == "all") {
+        return Ok(Segment::ALL.to_vec());
+    }
+    typed.iter().map(|name| segment_named(name).map_err(|e| e.at("--wear"))).collect()
 }
 
 /// Somebody whose sensors can be opened. Dropping it ends them.

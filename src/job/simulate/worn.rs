@@ -28,6 +28,36 @@ pub struct Strapping {
     pub loss: f64,
 }
 
+/// Reads a number from zero to `most`.
+fn up_to(most: f64, text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (0.0..=most).contains(value));
+    value.ok_or_else(|| format!("allowed are 0 to {most}"))
+}
+
+/// Reads [`Strapping::noise`].
+///
+/// # Errors
+/// What is not a factor from 0 to 1000.
+pub fn factor(text: &str) -> Result<f64, String> {
+    up_to(1e3, text)
+}
+
+/// Reads [`Strapping::twist_rad`], in degrees.
+///
+/// # Errors
+/// What is not an angle from 0 to 180 degrees.
+pub fn degrees(text: &str) -> Result<f64, String> {
+    up_to(180.0, text)
+}
+
+/// Reads [`Strapping::loss`].
+///
+/// # Errors
+/// What is not a share from 0 to 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    up_to(1.0, text)
+}
+
 /// Sensors of somebody who is given one after the other.
 pub struct Worn {
     rate_hz: f64,
