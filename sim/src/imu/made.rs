@@ -72,7 +72,7 @@ impl Debug for MadeMotion {
 #[derive(Clone, Debug)]
 pub enum ImuMotion {
     /// A motion that was made beforehand.
-    Played(BodyMotion),
+    Played(Box<BodyMotion>),
     /// One that is made as it goes.
     Made(MadeMotion),
 }
@@ -99,7 +99,7 @@ impl ImuMotion {
 
 impl From<BodyMotion> for ImuMotion {
     fn from(motion: BodyMotion) -> Self {
-        Self::Played(motion)
+        Self::Played(Box::new(motion))
     }
 }
 

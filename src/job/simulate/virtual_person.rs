@@ -14,7 +14,7 @@ pub struct VirtualPerson {
 
 enum Who {
     /// With what was done when somebody looked last.
-    Performs(Wearer, Option<&'static str>),
+    Performs(Box<Wearer>, Option<&'static str>),
     Follows(Box<Participant>),
 }
 
@@ -42,7 +42,7 @@ impl VirtualPerson {
                 let path = path.display();
                 format!("gaitway live --wear {path} --robot op3 --bus sim:pty --n-pose-after 1s --moves bow")
             });
-            return Ok(Self { who: Who::Performs(wearer, None), next });
+            return Ok(Self { who: Who::Performs(Box::new(wearer), None), next });
         };
         let session = follow.session.display().to_string();
         let participant = Participant::open(order, follow)?;
