@@ -14,12 +14,14 @@
 //! DIR/trials/NAME-NN.toml      what was thought of it: keep or retake, repetitions, notes, props
 //! DIR/angles/NAME-NN.csv,.bvh  joint angles of a kept trial
 //! DIR/manifest.toml            what the folder holds; written last
+//! DIR/now.json                 what is asked for now; only while the session is led
 //! ```
 
 pub mod angles;
 pub mod files;
 pub mod folder;
 pub mod manifest;
+pub mod now;
 pub mod plan;
 pub mod steps;
 pub mod still;

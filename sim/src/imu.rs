@@ -1,7 +1,7 @@
 //! Virtual inertial sensors: mounted on a segment of a moving body, speaking their makers' formats.
 //!
-//! The body is given as sampled poses of the segment; what the sensor measures follows from smooth
-//! curves through them ([`motion`](BodyMotion)), errors are added as a real sensor has them
+//! The body is given as sampled poses of the segment, all of them beforehand ([`BodyMotion`]) or as they are needed
+//! ([`MadeMotion`]); what the sensor measures follows from smooth curves through them, errors are added as a real sensor has them
 //! ([`ImuErrors`]), and the samples become bytes that are due at a moment ([`VirtualImu`]), or come
 //! out of a pseudo-terminal or a UDP socket in real time ([`ImuDoor`]).
 //!
@@ -10,12 +10,14 @@
 
 mod door;
 mod encode;
+mod made;
 mod motion;
 mod stage;
 mod turn;
 
 pub use door::ImuDoor;
 pub use encode::{ImuWire, Measured};
+pub use made::{AROUND, ImuMotion, MadeMotion, MakesPoses, SegmentAt};
 pub use motion::{BodyMotion, Kinematics};
 pub use stage::Stage;
 
@@ -151,7 +153,7 @@ pub struct Sent {
 /// A sensor that plays a motion once, sample by sample.
 #[derive(Clone, Debug)]
 pub struct VirtualImu {
-    motion: BodyMotion,
+    motion: ImuMotion,
     mount: Mount,
     errors: ImuErrors,
     wire: ImuWire,
@@ -169,7 +171,7 @@ impl VirtualImu {
     /// # Errors
     /// A rate that is not above zero.
     pub fn new(
-        motion: BodyMotion,
+        motion: impl Into<ImuMotion>,
         mount: Mount,
         errors: ImuErrors,
         wire: ImuWire,
@@ -180,6 +182,7 @@ impl VirtualImu {
         }
         let random = ChaCha8Rng::seed_from_u64(errors.seed);
         let (number, last_due_s, stays) = (0, 0.0, false);
+        let motion = motion.into();
         Ok(Self { motion, mount, errors, wire, rate_hz, number, last_due_s, stays, random })
     }
 
@@ -189,6 +192,12 @@ impl VirtualImu {
     pub const fn then_still(mut self) -> Self {
         self.stays = true;
         self
+    }
+
+    /// Leaves out what it would have sampled before this time of the motion, s.
+    fn skip_to(&mut self, time_s: f64) {
+        let passed = (time_s / (1.0 + self.errors.clock_skew) * self.rate_hz).floor() as u64;
+        self.number = self.number.max(passed);
     }
 
     /// What it speaks.

@@ -10,6 +10,7 @@ mod finish;
 mod happening;
 mod judge;
 mod looking;
+mod notice;
 mod operator;
 mod order;
 mod panel;
@@ -36,6 +37,7 @@ use crate::recording::SampleEncoding;
 use crate::sensing::{Ended, Hub, Intake, Opened, SensingEvent, Source, StopAtEnd, wall_clock};
 use crate::session::{Folder, Plan, Progress, SessionFile, Step};
 use looking::Looking;
+use notice::WithNotice;
 use order::Worn;
 use setup::Given;
 use std::sync::atomic::AtomicBool;
@@ -99,13 +101,16 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
 }
 
 impl Session {
-    /// Leads it to its end, or to where the operator stops.
+    /// Leads it to its end, or to where the operator stops. What is asked for meanwhile stands in its folder
+    /// ([`Now`](crate::session::now::Now)).
     ///
     /// # Errors
     /// A disk that fails, a file of the session that was changed into something else. What was done is
     /// kept, and can be gone on with.
     pub fn lead(self, operator: &dyn Operator) -> Result<SessionReport, Error> {
         let Self { folder, progress, given, known, worn, opened, mode, samples } = self;
+        let with_notice = WithNotice::new(operator, &folder);
+        let operator: &dyn Operator = &with_notice;
         let hub = Hub::of(worn.iter().map(|worn| (worn.heard.clone(), worn.name.clone())));
         let stop = AtomicBool::new(false);
         let tell = |event: SensingEvent<'_>| operator.hear(Happening::Sensing(event));

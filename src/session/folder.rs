@@ -1,5 +1,6 @@
 //! The folder of a session: files appear whole or not at all, and are never written over.
 
+use super::now::NOW_FILE;
 use crate::error::{Error, ErrorKind, counted};
 use crate::toml_text::{from_toml, plain_words, to_toml};
 use serde::Serialize;
@@ -157,6 +158,31 @@ impl Folder {
         write().map_err(|cause| unwritable(&path, &cause))
     }
 
+    /// Puts a file up that is no part of the session and may be lost with the power: old or new, never half of it.
+    ///
+    /// # Errors
+    /// A file that cannot be written. What was there before, and says something else, is taken away then.
+    pub fn put_up(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        let path = self.path(name);
+        let beside = self.path(&format!("{name}.new"));
+        let write = || -> io::Result<()> {
+            // What was left there is not written into: it may be a link to somewhere else.
+            let _ = fs::remove_file(&beside);
+            File::create_new(&beside)?.write_all(bytes)?;
+            fs::rename(&beside, &path)
+        };
+        write().map_err(|cause| {
+            let _ = fs::remove_file(&beside);
+            self.take_down(name);
+            Error::unwritten("the file cannot be written", &cause).at(shown(&path))
+        })
+    }
+
+    /// Takes away a file that was put up, if it can.
+    pub fn take_down(&self, name: &str) {
+        let _ = fs::remove_file(self.path(name));
+    }
+
     /// Names of the files in a room that end so, without the ending, sorted.
     #[must_use]
     pub fn names(&self, room: &str, ending: &str) -> Vec<String> {
@@ -171,13 +197,14 @@ impl Folder {
 }
 
 const LOCK: &str = ".lock";
+/// What a session leaves behind that was killed before its first question was answered.
+const LEFT: [&str; 4] = [LOCK, "session.toml.new", NOW_FILE, "now.json.new"];
 
 /// True if a folder holds something that a session just begun and killed does not.
 fn has_strangers(mut entries: fs::ReadDir) -> bool {
     entries.any(|entry| {
         let name = entry.map(|entry| entry.file_name()).unwrap_or_default();
-        name.to_str()
-            .is_none_or(|name| name != LOCK && name != "session.toml.new" && !ROOMS.contains(&name))
+        name.to_str().is_none_or(|name| !LEFT.contains(&name) && !ROOMS.contains(&name))
     })
 }
 

@@ -25,9 +25,10 @@
 //!
 //! Of a recording it says `axes`, scales and segments, by the names of its sensors.
 
+use super::now::MOVEMENTS;
 use crate::body::segment_named;
 use crate::body::worn::WornSensor;
-use crate::body::worn::calibrate::{Moved, Movement, calibrate};
+use crate::body::worn::calibrate::{Moved, calibrate};
 use crate::body::worn::kept::Kept;
 use crate::capture::{Mode, Orientation};
 use crate::error::{Error, ErrorKind, counted};
@@ -577,14 +578,10 @@ pub fn calibrated(
     };
     let mut moves = Vec::new();
     for moved in &declared.movement {
-        let movement = match moved.movement.as_str() {
-            "bow" => Movement::Bow,
-            "sit_to_stand" => Movement::SitToStand,
-            "bend" => Movement::Bend,
-            "raise_arms" => Movement::RaiseArms,
-            other => {
-                return Err(wrong("not a movement", other, "bow, sit_to_stand, bend, raise_arms"));
-            }
+        let named = MOVEMENTS.iter().find(|(name, _)| *name == moved.movement);
+        let Some((_, movement)) = named.copied() else {
+            let known = MOVEMENTS.map(|(name, _)| name).join(", ");
+            return Err(wrong("not a movement", &moved.movement, &known));
         };
         moves.push(Moved { movement, orientation: said(moved.time_s) });
     }

@@ -157,8 +157,15 @@ impl Drop for ImuDoor {
 
 /// Sends each sample when it is due, until the motion is over, `send` fails or it is to stop. What was
 /// due before somebody listened is not sent.
-fn play(imu: VirtualImu, began: Instant, stop: &AtomicBool, mut send: impl FnMut(&[u8]) -> bool) {
+fn play(
+    mut imu: VirtualImu,
+    began: Instant,
+    stop: &AtomicBool,
+    mut send: impl FnMut(&[u8]) -> bool,
+) {
     let entered = Instant::now();
+    // Of a motion that is made as it goes nobody knows any more what was long ago.
+    imu.skip_to(entered.saturating_duration_since(began).as_secs_f64());
     for sent in imu {
         let due = began + Duration::from_secs_f64(sent.due_s);
         if due < entered {

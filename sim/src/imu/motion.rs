@@ -52,6 +52,15 @@ impl BodyMotion {
         if !finite.clone().all(|value| value.is_finite()) {
             return Err(ImuError::Number("a pose"));
         }
+        Ok(Self::through(rate_hz, positions_m, orientations))
+    }
+
+    /// Through at least two poses, as many of one as of the other, at a rate above zero.
+    pub(super) fn through(
+        rate_hz: f64,
+        positions_m: &[[f64; 3]],
+        orientations: &[[f64; 4]],
+    ) -> Self {
         // Of the two quaternions of an orientation the one nearer to the one before.
         let mut last = orientations[0];
         let smooth: Vec<[f64; 4]> = orientations
@@ -64,14 +73,14 @@ impl BodyMotion {
             })
             .collect();
         let of = |values: Vec<f64>| Spline::new(values, 1.0 / rate_hz);
-        Ok(Self {
+        Self {
             rate_hz,
             position_m: std::array::from_fn(|axis| {
                 of(positions_m.iter().map(|p| p[axis]).collect())
             }),
             orientation: std::array::from_fn(|axis| of(smooth.iter().map(|q| q[axis]).collect())),
-            samples,
-        })
+            samples: positions_m.len(),
+        }
     }
 
     /// A segment that stays where it is for so long, X east and Z up.

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// When a motion began, for all sensors that share it: when the first of them was listened to. Once
-/// nobody listens to any, the next to come sees it from the start.
+/// nobody listens to any, the next to come sees it from the start, unless it is [lasting](Stage::lasting).
 #[derive(Clone, Debug, Default)]
 pub struct Stage(Arc<Mutex<State>>);
 
@@ -12,9 +12,18 @@ pub struct Stage(Arc<Mutex<State>>);
 struct State {
     began: Option<Instant>,
     listened_to: usize,
+    /// It goes on when nobody listens.
+    lasts: bool,
 }
 
 impl Stage {
+    /// One whose motion begins now and goes on, whoever listens: who comes later, or comes back, finds it where it is.
+    #[must_use]
+    pub fn lasting() -> Self {
+        let began = Some(Instant::now());
+        Self(Arc::new(Mutex::new(State { began, listened_to: 0, lasts: true })))
+    }
+
     fn lock(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -30,7 +39,7 @@ impl Stage {
     pub(super) fn leave(&self) {
         let mut state = self.lock();
         state.listened_to = state.listened_to.saturating_sub(1);
-        if state.listened_to == 0 {
+        if state.listened_to == 0 && !state.lasts {
             state.began = None;
         }
     }

@@ -1,9 +1,11 @@
 //! Virtual inertial sensors: what they measure is what the motion does, and nothing else.
 
 use gaitway_sim::imu::{
-    BodyMotion, Disturbance, GRAVITY_M_S2, ImuDoor, ImuError, ImuErrors, ImuWire, Measured, Mount,
-    Stage, VirtualImu,
+    AROUND, BodyMotion, Disturbance, GRAVITY_M_S2, ImuDoor, ImuError, ImuErrors, ImuMotion,
+    ImuWire, MadeMotion, MakesPoses, Measured, Mount, SegmentAt, Stage, VirtualImu,
 };
+
+use std::sync::Arc;
 
 fn near(found: [f64; 3], expected: [f64; 3], tolerance: f64) {
     for (found, expected) in found.iter().zip(expected) {
@@ -214,4 +216,104 @@ fn a_sensor_that_stays_goes_on_after_the_motion_and_a_heading_drifts_as_it_is_to
     let word = |at: usize| f64::from(i16::from_be_bytes([last.bytes[at], last.bytes[at + 1]]));
     let heading = 2.0 * word(8).atan2(word(2));
     assert!((heading - 0.3).abs() < 1e-3, "{heading}");
+}
+
+/// Poses of the swing of a pendulum that is carried along, told when they are asked for.
+struct Told {
+    asked: std::sync::Mutex<u64>,
+}
+
+fn swung(number: u64) -> SegmentAt {
+    let t = number as f64 / 120.0;
+    let turned = 0.8 * (4.0 * t).sin();
+    SegmentAt {
+        position_m: [0.3 * t, 0.2 * (3.0 * t).cos(), 1.0 + 0.05 * (7.0 * t).sin()],
+        orientation: [(turned / 2.0).cos(), 0.0, (turned / 2.0).sin(), 0.0],
+    }
+}
+
+impl MakesPoses for Told {
+    fn poses(&self, from: u64, into: &mut [SegmentAt]) {
+        let mut asked = self.asked.lock().expect("nobody fell");
+        *asked = (*asked).max(from + into.len() as u64);
+        for (number, place) in (from..).zip(into) {
+            *place = swung(number);
+        }
+    }
+}
+
+#[test]
+fn a_motion_that_is_made_as_it_goes_is_felt_as_the_same_one_made_beforehand() {
+    let told = Arc::new(Told { asked: std::sync::Mutex::new(0) });
+    let made = MadeMotion::new(120.0, Arc::clone(&told) as Arc<dyn MakesPoses>).expect("a motion");
+    let all: Vec<SegmentAt> = (0..=1200).map(swung).collect();
+    let positions: Vec<_> = all.iter().map(|at| at.position_m).collect();
+    let orientations: Vec<_> = all.iter().map(|at| at.orientation).collect();
+    let before = BodyMotion::new(120.0, &positions, &orientations).expect("a motion");
+    let mount = Mount { offset_m: [0.0, 0.1, -0.2], orientation: [0.6, 0.0, 0.0, 0.8] };
+    // The end of what was made beforehand is an end; the other has none.
+    for n in 0..1800 {
+        let time_s = f64::from(n) / 200.0 + 0.0013;
+        let (one, other) = (made.at(time_s, &mount), before.at(time_s, &mount));
+        near(one.rate_rad_s, other.rate_rad_s, 1e-6);
+        near(one.specific_force_m_s2, other.specific_force_m_s2, 1e-4);
+        near(one.position_m, other.position_m, 1e-8);
+        let along: f64 = one.orientation.iter().zip(other.orientation).map(|(a, b)| a * b).sum();
+        assert!(along.abs() > 1.0 - 1e-12, "{along}");
+        // No further ahead than it says: what is asked of the body now is soon felt.
+        let ahead = *told.asked.lock().expect("nobody fell") as f64 - time_s * 120.0;
+        assert!(ahead <= AROUND as f64 + 2.0, "{ahead} poses ahead");
+    }
+}
+
+#[test]
+fn sensors_feel_the_same_motion_as_it_is_made_as_they_play_beforehand_and_it_has_no_end() {
+    let told = Arc::new(Told { asked: std::sync::Mutex::new(0) });
+    let made = MadeMotion::new(120.0, told as Arc<dyn MakesPoses>).expect("a motion");
+    let all: Vec<SegmentAt> = (0..=1200).map(swung).collect();
+    let positions: Vec<_> = all.iter().map(|at| at.position_m).collect();
+    let orientations: Vec<_> = all.iter().map(|at| at.orientation).collect();
+    let before = BodyMotion::new(120.0, &positions, &orientations).expect("a motion");
+    let errors = ImuErrors { rate_noise_rad_s: 0.01, loss: 0.1, seed: 5, ..ImuErrors::default() };
+    let on = |motion: ImuMotion| {
+        let mount = Mount::default();
+        VirtualImu::new(motion, mount, errors.clone(), ImuWire::Csv, 100.0).expect("a sensor")
+    };
+    let bytes =
+        |imu: VirtualImu| -> Vec<Vec<u8>> { imu.take(900).map(|sent| sent.bytes).collect() };
+    let (one, other) = (bytes(on(made.clone().into())), bytes(on(before.into())));
+    let same = one.iter().zip(&other).filter(|(one, other)| one == other).count();
+    // Figures are rounded for the line; a few may round the other way.
+    assert!(same >= 895, "{same} of 900 samples are the same");
+    assert_eq!(on(made.into()).take(5000).count(), 5000);
+    let refused = MadeMotion::new(0.0, Arc::new(Told { asked: Default::default() }));
+    assert_eq!(refused.err(), Some(ImuError::Number("the rate of the poses")));
+}
+
+#[test]
+fn a_stage_that_lasts_goes_on_when_nobody_listens() {
+    let began = Stage::lasting().began();
+    assert!(began.is_some());
+    let stage = Stage::lasting();
+    let motion = BodyMotion::still(600.0).expect("a motion");
+    let errors = ImuErrors::default();
+    let imu = VirtualImu::new(motion, Mount::default(), errors, ImuWire::Csv, 100.0).expect("one");
+    let since = stage.began();
+    let door = ImuDoor::open_on(&stage, imu, 115_200, None).expect("a door");
+    let path = door.path().to_owned();
+    let mut first_ticks = Vec::new();
+    for _ in 0..2 {
+        let file = std::fs::File::open(&path).expect("its terminal");
+        let mut lines = std::io::BufReader::new(file);
+        let (mut line, mut whole) = (String::new(), String::new());
+        // The first line may have begun before it was listened to.
+        std::io::BufRead::read_line(&mut lines, &mut line).expect("a line");
+        std::io::BufRead::read_line(&mut lines, &mut whole).expect("a line");
+        let tick = whole.split(',').next().and_then(|tick| tick.trim().parse::<f64>().ok());
+        first_ticks.push(tick.unwrap_or_else(|| panic!("{whole:?}")));
+        drop(lines);
+        std::thread::sleep(std::time::Duration::from_millis(300));
+    }
+    assert_eq!(stage.began(), since);
+    assert!(first_ticks[1] > first_ticks[0], "it went on: {first_ticks:?}");
 }

@@ -1,11 +1,13 @@
 //! `simulate imus`: a virtual person who wears virtual sensors, each of which other programs open.
 
-use crate::body::{Segment, segment_name, segment_named};
+use crate::body::segment_name;
 use crate::cli::Remarks;
 use crate::cli::signals::Signals;
 use crate::error::Error;
-use crate::job::simulate::imus::{ImusOrder, SensorDoors, Wearer};
-use crate::job::simulate::worn::Strapping;
+use crate::job::simulate::imus::{ImusOrder, SensorDoors, segments};
+use crate::job::simulate::participant::FollowOrder;
+use crate::job::simulate::virtual_person::{VirtualPerson, named_motion};
+use crate::job::simulate::worn::{Strapping, degrees, factor, share};
 use crate::time::{Duration, duration};
 use clap::Args;
 use std::path::PathBuf;
@@ -20,6 +22,18 @@ pub struct ImusArgs {
     /// What the person does after the calibration poses
     #[arg(long, value_name = "MOTION", default_value = "walk:30s")]
     motion: String,
+    /// Take part in the session in this folder (`record --session DIR`): do what is asked of its subject, and wait for the operator
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["motion", "stand"])]
+    follow: Option<PathBuf>,
+    /// Which subject of the session this is [default: whoever is asked]
+    #[arg(long, value_name = "ID", requires = "follow")]
+    subject: Option<String>,
+    /// What is done for an action of the session: wave=FILE.bvh, or a phrase of actions; without it what ships under that name
+    #[arg(long, value_name = "NAME=MOTION", requires = "follow", value_parser = named_motion)]
+    action: Vec<(String, String)>,
+    /// What goes wrong: a stumble, swapped or lost sensors, something late or wrong (see docs/capture.md)
+    #[arg(long, value_name = "FILE.toml", requires = "follow")]
+    script: Option<PathBuf>,
     /// Segments that wear a sensor (comma between names), or all
     #[arg(long, value_name = "SEGMENTS", value_delimiter = ',', default_value = "all")]
     wear: Vec<String>,
@@ -58,49 +72,25 @@ pub struct ImusArgs {
     seed: u64,
 }
 
-/// Reads a number from zero to `most`.
-fn up_to(most: f64, text: &str) -> Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|value| (0.0..=most).contains(value));
-    value.ok_or_else(|| format!("allowed are 0 to {most}"))
-}
-
-fn factor(text: &str) -> Result<f64, String> {
-    up_to(1e3, text)
-}
-
-fn degrees(text: &str) -> Result<f64, String> {
-    up_to(180.0, text)
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    up_to(1.0, text)
-}
-
 /// Runs `simulate imus` until a signal comes.
 ///
 /// # Errors
-/// As [`Wearer::open`].
+/// As [`VirtualPerson::open`].
 pub fn run(args: &ImusArgs, remarks: Remarks) -> Result<i32, Error> {
     let signals = Signals::listen().map_err(|e| Error::new(format!("no signals: {e}")))?;
-    let wearer = Wearer::open(&order(args)?)?;
-    for sensor in wearer.sensors() {
+    let (subject, script) = (args.subject.clone(), args.script.clone());
+    let actions = args.action.clone();
+    let follow = |session| FollowOrder { session, subject, actions, script };
+    let mut person = VirtualPerson::open(&order(args)?, args.follow.clone().map(follow))?;
+    for sensor in person.sensors() {
         super::tell(&format!("{} {}\n", sensor.place, segment_name(sensor.segment)))?;
     }
-    if let Some(path) = wearer.wear_file() {
-        remarks.say(&format!(
-            "then: gaitway live --wear {} --robot op3 --bus sim:pty --n-pose-after 1s --moves bow\n\
-             Ctrl-C ends it",
-            path.display()
-        ));
+    if let Some(next) = person.next() {
+        remarks.say(&format!("then: {next}\nCtrl-C ends it"));
     }
-    let mut doing = None;
     while signals.first().is_none() {
         std::thread::sleep(LOOK);
-        let now = wearer.doing();
-        if now != doing {
-            remarks.say(now.unwrap_or("nobody listens"));
-            doing = now;
-        }
+        person.attend().iter().for_each(|line| remarks.say(line));
     }
     Ok(0)
 }
@@ -129,11 +119,4 @@ fn order(args: &ImusArgs) -> Result<ImusOrder, Error> {
         },
         seed: args.seed,
     })
-}
-
-fn segments(typed: &[String]) -> Result<Vec<Segment>, Error> {
-    if typed.iter().any(|name| name == "all") {
-        return Ok(Segment::ALL.to_vec());
-    }
-    typed.iter().map(|name| segment_named(name).map_err(|e| e.at("--wear"))).collect()
 }

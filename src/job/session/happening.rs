@@ -132,6 +132,8 @@ pub enum Happening<'a> {
         /// Why.
         error: &'a Error,
     },
+    /// What is asked for now cannot be written into `now.json`: whoever reads it there does not know it. Told once.
+    NotAnnounced(&'a Error),
     /// Something that happened to a sensor; told on that sensor's thread.
     Sensing(SensingEvent<'a>),
     /// How the sensors are heard, twice a second; told on a thread of its own to an operator who

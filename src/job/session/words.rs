@@ -326,6 +326,9 @@ pub fn told(happening: &Happening<'_>) -> String {
         Happening::Finishing => "\nAll actions are recorded. Joint angles:".to_owned(),
         Happening::Angles { files } => format!("  {}", files.join(", ")),
         Happening::NoAngles { recording, error } => format!("  ! {recording}: {error}"),
+        Happening::NotAnnounced(error) => {
+            format!("! others cannot read what is asked for now; the session goes on: {error}")
+        }
         Happening::Sensing(event) => cues::of_event(event),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::person::Person;
 use super::worn::{Strapping, Worn, wire};
-use crate::body::{Segment, segment_name};
+use crate::body::{Segment, segment_name, segment_named};
 use crate::corpus::store::check_outside;
 use crate::error::{Error, ErrorKind};
 use crate::job::source::body_motion;
@@ -59,6 +59,17 @@ pub struct OpenSensor {
     pub place: String,
 }
 
+/// Reads names of segments, one of which may be `all`.
+///
+/// # Errors
+/// A name of none.
+pub fn segments(typed: &[String]) -> Result<Vec<Segment>, Error> {
+    if typed.iter().any(|name| name == "all") {
+        return Ok(Segment::ALL.to_vec());
+    }
+    typed.iter().map(|name| segment_named(name).map_err(|e| e.at("--wear"))).collect()
+}
+
 /// Somebody whose sensors can be opened. Dropping it ends them.
 ///
 /// The performance begins when the first sensor is opened, and starts again once all were closed.
@@ -85,24 +96,17 @@ impl Wearer {
         let wear_file = wear_file(order)?;
         let stage = Stage::default();
         let (mut sensors, mut doors): (Vec<OpenSensor>, _) = (Vec::new(), Vec::new());
-        let mut worn = Worn::new(&person, &sensor, order.strapping, order.seed)?;
+        let mut worn = Worn::new(&sensor, order.strapping, order.seed)?;
         for &segment in &order.segments {
             if sensors.iter().any(|known| known.segment == segment) {
                 continue;
             }
-            let imu = worn.on(segment).map_err(|e| e.at("--motion"))?;
+            let imu = worn.on(&person, segment).map_err(|e| e.at("--motion"))?;
             let (door, place) = way.open(&stage, segment, imu)?;
             doors.push(door);
             sensors.push(OpenSensor { segment, place });
         }
-        if let Some(path) = &wear_file {
-            check_outside(path)?;
-            std::fs::write(path, &way.wear).map_err(|e| {
-                Error::of(ErrorKind::Io, "cannot write the file")
-                    .at(path.display().to_string())
-                    .got(e.to_string())
-            })?;
-        }
+        write_wear(wear_file.as_deref(), &way)?;
         Ok(Self { person, stage, sensors, wear_file, _doors: doors })
     }
 
@@ -125,8 +129,19 @@ impl Wearer {
     }
 }
 
+/// Writes down what is worn.
+pub(super) fn write_wear(path: Option<&Path>, way: &Way) -> Result<(), Error> {
+    let Some(path) = path else { return Ok(()) };
+    check_outside(path)?;
+    std::fs::write(path, &way.wear).map_err(|e| {
+        Error::of(ErrorKind::Io, "cannot write the file")
+            .at(path.display().to_string())
+            .got(e.to_string())
+    })
+}
+
 /// Where it will be written what is worn, if that may be written.
-fn wear_file(order: &ImusOrder) -> Result<Option<PathBuf>, Error> {
+pub(super) fn wear_file(order: &ImusOrder) -> Result<Option<PathBuf>, Error> {
     let usual = || match &order.doors {
         SensorDoors::Terminals(folder) => Some(folder.join("wear.toml")),
         SensorDoors::SlimeVr(_) => None,
@@ -142,20 +157,19 @@ fn wear_file(order: &ImusOrder) -> Result<Option<PathBuf>, Error> {
 }
 
 /// How sensors are reached, and what is written of it.
-struct Way<'a> {
-    profile: &'a str,
-    to: To<'a>,
+pub(super) struct Way {
+    profile: String,
+    to: To,
     wear: String,
 }
 
-#[derive(Clone, Copy)]
-enum To<'a> {
-    Terminals { folder: &'a Path, baud_bps: u32 },
+enum To {
+    Terminals { folder: PathBuf, baud_bps: u32 },
     SlimeVr(SocketAddr),
 }
 
-impl<'a> Way<'a> {
-    fn of(order: &'a ImusOrder, sensor: &Sensor) -> Result<Self, Error> {
+impl Way {
+    pub(super) fn of(order: &ImusOrder, sensor: &Sensor) -> Result<Self, Error> {
         let misfit = |remedy: &str| {
             Error::new("the profile and the way it is sent do not fit together")
                 .at("--profile")
@@ -175,7 +189,7 @@ impl<'a> Way<'a> {
                         .got(e.to_string())
                 })?;
                 let baud_bps = sensor.baud_bps.unwrap_or(USUAL_BAUD_BPS);
-                To::Terminals { folder, baud_bps }
+                To::Terminals { folder: folder.clone(), baud_bps }
             }
             (SensorDoors::SlimeVr(text), ImuWire::SlimeVr) => {
                 let found = text.to_socket_addrs().ok().and_then(|mut all| all.next());
@@ -190,39 +204,61 @@ impl<'a> Way<'a> {
             }
         };
         wear.push_str("[segments]\n");
-        Ok(Self { profile: &order.profile, to, wear })
+        Ok(Self { profile: order.profile.clone(), to, wear })
     }
 
-    /// Opens a sensor's door; also gives where it is reached.
-    fn open(
+    /// Opens a sensor's door and notes what is worn; also gives where it is reached.
+    pub(super) fn open(
         &mut self,
         stage: &Stage,
         segment: Segment,
         imu: VirtualImu,
     ) -> Result<(ImuDoor, String), Error> {
+        let door = self.door(stage, segment, imu)?;
         let name = segment_name(segment);
-        match self.to {
-            To::SlimeVr(server) => {
-                let number = segment.index() as u8 + 1;
-                // The second bit of a network address: given by whoever runs the network.
-                let mac = [2, 0, 0, 0, 0, number];
-                let door = ImuDoor::open_slimevr(stage, imu, server, mac)
-                    .map_err(|e| closed(&server.to_string(), &e))?;
-                let tracker = format!("tracker-0000{number:02x}-0");
+        let place = match &self.to {
+            To::SlimeVr(_) => {
+                let tracker = format!("tracker-0000{:02x}-0", number(segment));
                 let _ = writeln!(self.wear, "{name} = \"{tracker}\"");
-                Ok((door, tracker))
+                tracker
             }
-            To::Terminals { folder, baud_bps } => {
+            To::Terminals { folder, .. } => {
                 let link = folder.join(name);
-                let door = ImuDoor::open_on(stage, imu, baud_bps, Some(&link))
-                    .map_err(|e| closed(&link.display().to_string(), &e))?;
                 let path = std::path::absolute(&link).unwrap_or(link).display().to_string();
                 let source = format!("imu:{}@serial:{path}", self.profile);
                 let _ = writeln!(self.wear, "{name} = {source:?}");
-                Ok((door, path))
+                path
+            }
+        };
+        Ok((door, place))
+    }
+
+    /// Opens a sensor's door, perhaps once more.
+    pub(super) fn door(
+        &self,
+        stage: &Stage,
+        segment: Segment,
+        imu: VirtualImu,
+    ) -> Result<ImuDoor, Error> {
+        match &self.to {
+            To::SlimeVr(server) => {
+                // The second bit of a network address: given by whoever runs the network.
+                let mac = [2, 0, 0, 0, 0, number(segment)];
+                ImuDoor::open_slimevr(stage, imu, *server, mac)
+                    .map_err(|e| closed(&server.to_string(), &e))
+            }
+            To::Terminals { folder, baud_bps } => {
+                let link = folder.join(segment_name(segment));
+                ImuDoor::open_on(stage, imu, *baud_bps, Some(&link))
+                    .map_err(|e| closed(&link.display().to_string(), &e))
             }
         }
     }
+}
+
+/// The number of a segment's sensor, from 1.
+fn number(segment: Segment) -> u8 {
+    segment.index() as u8 + 1
 }
 
 /// Why a sensor's door stays closed.

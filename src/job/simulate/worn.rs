@@ -5,7 +5,7 @@ use crate::body::Segment;
 use crate::body::proportions::proximal_joint;
 use crate::error::Error;
 use gaitway_profiles::{Sensor, SensorProtocol};
-use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
+use gaitway_sim::imu::{BodyMotion, ImuError, ImuErrors, ImuMotion, ImuWire, Mount, VirtualImu};
 use glam::DQuat;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -28,9 +28,38 @@ pub struct Strapping {
     pub loss: f64,
 }
 
-/// Somebody who is given one sensor after the other.
-pub struct Worn<'a> {
-    person: &'a Person,
+/// Reads a number from zero to `most`.
+fn up_to(most: f64, text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (0.0..=most).contains(value));
+    value.ok_or_else(|| format!("allowed are 0 to {most}"))
+}
+
+/// Reads [`Strapping::noise`].
+///
+/// # Errors
+/// What is not a factor from 0 to 1000.
+pub fn factor(text: &str) -> Result<f64, String> {
+    up_to(1e3, text)
+}
+
+/// Reads [`Strapping::twist_rad`], in degrees.
+///
+/// # Errors
+/// What is not an angle from 0 to 180 degrees.
+pub fn degrees(text: &str) -> Result<f64, String> {
+    up_to(180.0, text)
+}
+
+/// Reads [`Strapping::loss`].
+///
+/// # Errors
+/// What is not a share from 0 to 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    up_to(1.0, text)
+}
+
+/// Sensors of somebody who is given one after the other.
+pub struct Worn {
     rate_hz: f64,
     wire: ImuWire,
     strapping: Strapping,
@@ -70,36 +99,46 @@ fn normal(random: &mut ChaCha8Rng) -> f64 {
     (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0
 }
 
-impl<'a> Worn<'a> {
+impl Worn {
     /// Sensors of one profile; `seed` decides everything random.
     ///
     /// # Errors
     /// A profile that no virtual sensor speaks.
-    pub fn new(
-        person: &'a Person,
-        sensor: &Sensor,
-        strapping: Strapping,
-        seed: u64,
-    ) -> Result<Self, Error> {
+    pub fn new(sensor: &Sensor, strapping: Strapping, seed: u64) -> Result<Self, Error> {
         let (wire, random) = (wire(sensor)?, ChaCha8Rng::seed_from_u64(seed));
-        Ok(Self { person, rate_hz: sensor.rate_hz, wire, strapping, random })
+        Ok(Self { rate_hz: sensor.rate_hz, wire, strapping, random })
     }
 
-    /// A sensor that is strapped on as people do, with a heading that starts anywhere.
+    /// A sensor on somebody whose motion is known, strapped on as people do.
     ///
     /// # Errors
     /// A motion that no sensor could follow.
-    pub fn on(&mut self, segment: Segment) -> Result<VirtualImu, Error> {
-        let Self { person, rate_hz, wire, strapping, random } = self;
+    pub fn on(&mut self, person: &Person, segment: Segment) -> Result<VirtualImu, Error> {
+        self.moved(segment, |world| {
+            let joint = proximal_joint(segment);
+            let positions: Vec<[f64; 3]> =
+                person.positions(joint).map(|at| (world * at).to_array()).collect();
+            let turns = person.poses().iter().map(|pose| world * pose.orientation[segment.index()]);
+            let turns: Vec<[f64; 4]> = turns.map(wxyz).collect();
+            BodyMotion::new(person::RATE_HZ, &positions, &turns)
+        })
+    }
+
+    /// A sensor that is strapped on as people do, with a heading that starts anywhere. `motion` says how its segment moves in
+    /// the world that begins so.
+    ///
+    /// # Errors
+    /// A motion that no sensor could follow.
+    pub fn moved<M: Into<ImuMotion>>(
+        &mut self,
+        segment: Segment,
+        motion: impl FnOnce(DQuat) -> Result<M, ImuError>,
+    ) -> Result<VirtualImu, Error> {
+        let Self { rate_hz, wire, strapping, random } = self;
+        let unfit = |e: ImuError| Error::new(e.to_string());
         // The world of a sensor without a compass begins where it was switched on.
         let world = DQuat::from_rotation_z(std::f64::consts::TAU * random.random::<f64>());
-        let joint = proximal_joint(segment);
-        let positions: Vec<[f64; 3]> =
-            person.positions(joint).map(|at| (world * at).to_array()).collect();
-        let turns = person.poses().iter().map(|pose| world * pose.orientation[segment.index()]);
-        let turns: Vec<[f64; 4]> = turns.map(wxyz).collect();
-        let unfit = |e: gaitway_sim::imu::ImuError| Error::new(e.to_string());
-        let motion = BodyMotion::new(person::RATE_HZ, &positions, &turns).map_err(unfit)?;
+        let motion = motion(world).map_err(unfit)?;
         let twist = strapping.twist_rad * normal(random);
         let strapped =
             DQuat::from_rotation_z(twist) * DQuat::from_rotation_y(0.15 * normal(random));
@@ -127,6 +166,7 @@ impl<'a> Worn<'a> {
     }
 }
 
-fn wxyz(q: DQuat) -> [f64; 4] {
+/// As a virtual sensor takes it.
+pub(super) fn wxyz(q: DQuat) -> [f64; 4] {
     [q.w, q.x, q.y, q.z]
 }
