@@ -31,6 +31,7 @@ fn session(subjects: &[&str], plan: &str) -> SessionFile {
         remarks: String::new(),
         sources: vec!["torso=imu:x-imu3@/dev/null".into()],
         wear: BTreeMap::new(),
+        forward: BTreeMap::new(),
         magnetometer: false,
         subjects: subjects.iter().map(|id| (*id).to_owned()).collect(),
         skipped: Vec::new(),

@@ -15,6 +15,7 @@ use gaitway::sensing::{Answer, Cue, Person, Question};
 use gaitway::session::manifest::Manifest;
 use gaitway::session::{BodyCheck, DeviceCheck, Plan, SessionFile, TrialFile, Verdict};
 use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
+use glam::DVec3;
 use serde::de::DeserializeOwned;
 use std::io::Write;
 use std::net::{Ipv4Addr, TcpListener};
@@ -417,7 +418,24 @@ fn a_program_that_stops_before_a_trial_finds_the_session_where_it_left_it() {
     let plan = "still_s = 1.0\n[[action]]\nname = \"bow\"\nrepetitions = 1\n";
     let plan = Plan::parse(plan, "the plan").expect("a plan");
     let first = Leader { leaves: true, ..Leader::default() };
-    let report = led(order(&lab, Some(&source), Some(plan)), &first);
+    // What is worn, and how, stands in a file, as `live` reads it.
+    let worn = |angle_deg: u32| {
+        let (_, what) = source.split_once('=').expect("a name");
+        let file = lab.with_file_name(format!("worn-{angle_deg}.toml"));
+        let forward = format!("forward = \"{angle_deg} deg from x to y\"");
+        let text = format!("[segments]\ntorso = {{ sensor = \"{what}\", {forward} }}\n");
+        std::fs::write(&file, text).expect("written");
+        vec![file.display().to_string()]
+    };
+    let begun = SessionOrder { wear: worn(20), ..order(&lab, None, Some(plan)) };
+    let report = led(begun, &first);
+    let session: SessionFile = read(&lab.join("session.toml"));
+    assert_eq!(session.sources, [source.clone()]);
+    let forward = session.forward["torso"].forward().expect("a direction").expect("known");
+    assert!((forward.angle_between(DVec3::X).to_degrees() - 20.0).abs() < 1e-9, "{forward}");
+    let other = SessionOrder { wear: worn(30), ..order(&lab, None, None) };
+    let refused = open(other).err().expect("a refusal").to_string();
+    assert!(refused.contains("--wear") && refused.contains("other settings"), "{refused}");
     assert_eq!((report.outcome, report.trials, &report.manifest), (Outcome::Stopped, 0, &None));
     assert_eq!(report.subjects, ["s01"]);
     assert_eq!(first.log().last(), Some(&Entry::Asked("wish")));

@@ -36,8 +36,9 @@ pub struct RecordArgs {
     /// Lead through a recording session in this folder, or resume one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
     session: Option<PathBuf>,
-    /// Which segment wears which SlimeVR tracker, in a session: left_thigh=tracker-00aa01-0
-    #[arg(long, value_name = "SEGMENT=TRACKER", conflicts_with = "out")]
+    /// In a session, which segment wears which SlimeVR tracker (left_thigh=tracker-00aa01-0), or a file that says what is
+    /// worn, as for `live`
+    #[arg(long, value_name = "SEGMENT=TRACKER|FILE.toml", conflicts_with = "out")]
     wear: Vec<String>,
     /// What the session should record (see docs/capture.md); without it, you are asked
     #[arg(long, value_name = "FILE.toml", conflicts_with = "out")]

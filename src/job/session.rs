@@ -70,6 +70,7 @@ pub enum SessionState {
 pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     // A plan out of a file was looked at; one that a program put together may say anything.
     let order = SessionOrder { plan: order.plan.map(Plan::checked).transpose()?, ..order };
+    let (order, forward) = order.with_files()?;
     order.check_sensors()?;
     let folder = Folder::open(&order.folder)?;
     let progress = Progress::read(&folder)?;
@@ -79,7 +80,7 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     }
     let begun = progress.session.as_ref();
     if let Some(begun) = begun {
-        order.check_as_begun(begun)?;
+        order.check_as_begun(begun, &forward)?;
     }
     let (sources, wear) = order.worn_by(begun)?;
     let worn = order::sensors(&sources, &wear)?;
@@ -92,6 +93,7 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     let given = Given {
         sources: sources.into_iter().map(|source| source.text).collect(),
         wear,
+        forward,
         plan: order.plan,
         magnetometer: order.magnetometer,
     };

@@ -3,6 +3,7 @@
 use super::source::{Source, What};
 use crate::body::Segment;
 use crate::body::worn::WornSensor;
+use crate::body::worn::strap::StrapDirection;
 use crate::body::{segment_name, segment_named};
 use crate::error::{Error, ErrorKind};
 use crate::toml_text::from_toml;
@@ -38,7 +39,7 @@ struct WearFile {
     #[serde(default)]
     sources: Vec<String>,
     #[serde(default)]
-    forward: Option<String>,
+    forward: Option<StrapDirection>,
     segments: BTreeMap<String, Entry>,
 }
 
@@ -46,7 +47,7 @@ struct WearFile {
 #[serde(untagged)]
 enum Entry {
     Plain(String),
-    Full { sensor: String, forward: Option<String> },
+    Full { sensor: String, forward: Option<StrapDirection> },
 }
 
 impl Wear {
@@ -91,12 +92,12 @@ impl Wear {
         for source in &file.sources {
             self.sources.push(source.parse()?);
         }
-        let usual = file.forward.as_deref().map_or(Ok(Some(DVec3::X)), axis)?;
+        let usual = file.forward.as_ref().map_or(Ok(Some(DVec3::X)), StrapDirection::forward)?;
         for (segment, entry) in &file.segments {
             let (sensor, forward) = match entry {
                 Entry::Plain(sensor) => (sensor, usual),
                 Entry::Full { sensor, forward } => {
-                    (sensor, forward.as_deref().map_or(Ok(usual), axis)?)
+                    (sensor, forward.as_ref().map_or(Ok(usual), StrapDirection::forward)?)
                 }
             };
             self.put(segment, sensor, forward)?;
@@ -171,23 +172,6 @@ fn not_worn(source: &str) -> Error {
 
 fn at(error: Error, place: &str) -> Error {
     if error.place.is_none() { error.at(place) } else { error }
-}
-
-/// An axis of a sensor.
-fn axis(word: &str) -> Result<Option<DVec3>, Error> {
-    let axes = [
-        ("x", DVec3::X),
-        ("-x", DVec3::NEG_X),
-        ("y", DVec3::Y),
-        ("-y", DVec3::NEG_Y),
-        ("z", DVec3::Z),
-        ("-z", DVec3::NEG_Z),
-    ];
-    match axes.iter().find(|(name, _)| *name == word.trim_start_matches('+')) {
-        Some((_, axis)) => Ok(Some(*axis)),
-        None if word == "none" => Ok(None),
-        None => Err(Error::new("not an axis").got(word).allowed("x, -x, y, -y, z, -z or none")),
-    }
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::plan::Plan;
 use super::tap::Tap;
+use crate::body::worn::strap::StrapDirection;
 use crate::time::Utc;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -33,6 +34,9 @@ pub struct SessionFile {
     /// Trackers that name themselves, each with the name it goes by here.
     #[serde(default)]
     pub wear: BTreeMap<String, String>,
+    /// By the name a sensor goes by here, what of it points forward in N pose; X of all others.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub forward: BTreeMap<String, StrapDirection>,
     /// True if headings are told from the magnetic field where there is one.
     #[serde(default)]
     pub magnetometer: bool,

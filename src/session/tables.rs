@@ -17,7 +17,7 @@
 //! axes = ["x", "-z", "y"]            # the sensor's axes: its Y is what the table calls -Z
 //! rate_scale = 1.01                  # and acceleration_scale
 //! segment = "left_thigh"             # worn there
-//! forward = "z"                      # the axis that was strapped on to point forward
+//! forward = "z"                      # what was strapped on to point forward: also [x, y, z], "30 deg from x to y"
 //! [[movement]]
 //! movement = "sit_to_stand"          # or bow, bend, raise_arms
 //! time_s = [15, 20]
@@ -30,6 +30,7 @@ use crate::body::segment_named;
 use crate::body::worn::WornSensor;
 use crate::body::worn::calibrate::{Moved, calibrate};
 use crate::body::worn::kept::Kept;
+use crate::body::worn::strap::StrapDirection;
 use crate::capture::{Mode, Orientation};
 use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::opensim::{OpenSimCell, OpenSimTable};
@@ -74,7 +75,7 @@ struct DeclaredSensor {
     orientation: Option<[String; 4]>,
     axes: Option<[String; 3]>,
     segment: Option<String>,
-    forward: Option<String>,
+    forward: Option<StrapDirection>,
 }
 
 /// A movement that tells headings.
@@ -554,8 +555,8 @@ pub fn calibrated(
     let (mut worn, mut names) = (Vec::new(), Vec::new());
     for sensor in &declared.sensor {
         let Some(segment) = &sensor.segment else { continue };
-        let forward = sensor.forward.as_deref().map(axis).transpose()?;
-        worn.push(WornSensor { segment: segment_named(segment)?, forward });
+        let forward = sensor.forward.as_ref().map(StrapDirection::forward).transpose()?;
+        worn.push(WornSensor { segment: segment_named(segment)?, forward: forward.flatten() });
         names.push(sensor.name.clone());
     }
     if worn.is_empty() {

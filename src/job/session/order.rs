@@ -1,12 +1,14 @@
 //! Which session is led, and what its sensors are.
 
 use crate::body::anthropometry::Subject;
+use crate::body::worn::strap::StrapDirection;
 use crate::body::{Segment, segment_name};
 use crate::error::Error;
 use crate::recording::SampleEncoding;
-use crate::sensing::{Source, What};
+use crate::sensing::{self, Source, What};
 use crate::session::wearers::wearer;
 use crate::session::{Plan, SessionFile};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -18,7 +20,7 @@ pub struct SessionOrder {
     /// Sensors, each named like the segment that wears it, of a second subject with `2-` before that;
     /// none: those that the session was begun with.
     pub sources: Vec<Source>,
-    /// Which segment wears which tracker: `SEGMENT=TRACKER`.
+    /// Which segment wears which tracker, `SEGMENT=TRACKER`, or a file that says what is worn, as `live --wear` reads it.
     pub wear: Vec<String>,
     /// What is to be recorded; `None`: the operator is asked, or was when it began.
     pub plan: Option<Plan>,
@@ -43,7 +45,33 @@ pub(super) struct Worn {
 /// Trackers that name themselves, each with the name it goes by here.
 type Wear = BTreeMap<String, String>;
 
+/// What of a sensor points forward, by the name it goes by here, where that is not X.
+type Straps = BTreeMap<String, StrapDirection>;
+
 impl SessionOrder {
+    /// The same with what files of `--wear` say: sources, trackers, and how they were strapped on.
+    pub(super) fn with_files(mut self) -> Result<(Self, Straps), Error> {
+        let (typed, files): (Vec<String>, Vec<String>) =
+            self.wear.into_iter().partition(|text| text.contains('='));
+        self.wear = typed;
+        let mut straps = Straps::new();
+        let read = sensing::Wear::of(Vec::new(), &files)?;
+        for place in read.places {
+            let name = segment_name(place.segment).to_owned();
+            let is_source = |source: &Source| source.name.as_ref() == Some(&place.sensor);
+            if !read.sources.iter().any(is_source) {
+                self.wear.push(format!("{name}={}", place.sensor));
+            }
+            match place.forward {
+                Some(DVec3::X) => {}
+                Some(forward) => drop(straps.insert(name, StrapDirection::Along(forward.into()))),
+                None => drop(straps.insert(name, StrapDirection::Words("none".to_owned()))),
+            }
+        }
+        self.sources.extend(read.sources);
+        Ok((self, straps))
+    }
+
     /// A new session needs sensors; a name mistyped makes no folder.
     pub(super) fn check_sensors(&self) -> Result<(), Error> {
         if self.sources.is_empty() && !self.folder.join("session.toml").exists() {
@@ -54,13 +82,15 @@ impl SessionOrder {
 
     /// What a session is to be is said once, when it begins: what is said later and differs would be
     /// ignored, so it is refused.
-    pub(super) fn check_as_begun(&self, begun: &SessionFile) -> Result<(), Error> {
+    pub(super) fn check_as_begun(&self, begun: &SessionFile, straps: &Straps) -> Result<(), Error> {
         let differs = if self.plan.as_ref().is_some_and(|plan| *plan != begun.plan) {
             "--plan"
         } else if self.magnetometer && !begun.magnetometer {
             "--magnetometer"
         } else if self.sources.is_empty() && !self.wear.is_empty() {
             "--wear without sources"
+        } else if !straps.is_empty() && *straps != begun.forward {
+            "--wear"
         } else {
             return Ok(());
         };
@@ -92,7 +122,10 @@ impl SessionOrder {
 fn no_sensors() -> Error {
     Error::new("a session needs sensors")
         .allowed("SEGMENT=imu:PROFILE@BUS for each sensor that is worn")
-        .remedy("e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0")
+        .remedy(
+            "e.g. gaitway record --session lab torso=imu:bno08x-rvc@/dev/ttyUSB0, or a file of them: \
+             --wear worn.toml",
+        )
 }
 
 fn unnamed(text: &str) -> Error {

@@ -6,6 +6,7 @@ use super::operator::{
     Answered, Ask, Asked, Doubt, MeasureAnswer, Operator, Words, ask_all, ask_until,
 };
 use crate::body::anthropometry::{Measure, Subject, check_id};
+use crate::body::worn::strap::StrapDirection;
 use crate::error::Error;
 use crate::sensing::{Ended, wall_clock};
 use crate::session::files::SCHEMA;
@@ -25,6 +26,8 @@ pub(super) struct Given {
     pub(super) sources: Vec<String>,
     /// Trackers that name themselves, each with the name it goes by here.
     pub(super) wear: BTreeMap<String, String>,
+    /// What of a sensor points forward, where that is not X.
+    pub(super) forward: BTreeMap<String, StrapDirection>,
     /// The plan, if there is one.
     pub(super) plan: Option<Plan>,
     /// Headings from the magnetic field.
@@ -89,6 +92,7 @@ pub(super) fn session(job: &Job, given: Given) -> Result<(), Ended> {
         remarks,
         sources: given.sources,
         wear: given.wear,
+        forward: given.forward,
         magnetometer: given.magnetometer,
         subjects,
         skipped: Vec::new(),

@@ -6,6 +6,7 @@ use super::operator::{Judged, Ready};
 use crate::body::worn::Movement;
 use crate::body::worn::check::T_POSE_FAIL_RAD;
 use crate::body::worn::kept::Kept;
+use crate::body::worn::strap::StrapDirection;
 use crate::body::{Segment, segment_name};
 use crate::error::Error;
 use crate::sensing::{
@@ -126,10 +127,10 @@ fn places(job: &Job, id: &str) -> Result<Vec<Place>, Error> {
             .got(names.join(", "))
             .remedy("name sources like segments: torso=imu:..., of the second 2-torso=imu:..."));
     }
-    let place = |(name, segment): (&str, _)| Place {
-        segment,
-        sensor: name.to_owned(),
-        forward: Some(DVec3::X),
+    let told = &job.session()?.forward;
+    let place = |(name, segment): (&str, _)| {
+        let forward = told.get(name).map_or(Ok(Some(DVec3::X)), StrapDirection::forward)?;
+        Ok(Place { segment, sensor: name.to_owned(), forward })
     };
-    Ok(worn.into_iter().map(place).collect())
+    worn.into_iter().map(place).collect()
 }
