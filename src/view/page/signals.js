@@ -227,7 +227,8 @@ class Line {
     this.fit();
   }
 
-  fit() { this.canvas.style.height = `${this.rows.length * 17 + 8}px`; }
+  // A scale of seconds stands below the rows.
+  fit() { this.canvas.style.height = `${this.rows.length * 17 + 22}px`; }
 
   left() { return this.canvas.clientWidth < 560 ? 92 : 150; }
 
@@ -255,6 +256,12 @@ class Line {
       }
       for (const [from, to] of row.times || []) { pen.fillStyle = ink("good"); pen.fillRect(this.x(from), y + 3, Math.max(1, this.x(to) - this.x(from)), 9); }
     });
+    const below = this.rows.length * 17 + 13, tick = niceStep(this.view.duration, Math.max(2, (width - this.left()) / 90));
+    pen.fillStyle = ink("faint"); pen.textAlign = "center";
+    for (let t = 0; t <= this.view.duration + 1e-9; t += tick) {
+      pen.fillRect(this.x(t), below - 9, 1, 3);
+      pen.fillText(`${Number(t.toPrecision(6))} s`, Math.min(width - RIGHT - 10, this.x(t)), below);
+    }
     this.sheet = this.sheet || document.createElement("canvas");
     this.sheet.width = this.canvas.width; this.sheet.height = this.canvas.height;
     this.sheet.getContext("2d").drawImage(this.canvas, 0, 0);
