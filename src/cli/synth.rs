@@ -66,8 +66,11 @@ pub struct SynthArgs {
     /// File to write: .csv (time_s, the 22 angles, rad, the root, m, and how the pelvis is turned, rad), .bvh, .x3d (an H-Anim
     /// humanoid over a floor, followed by the camera), or .html (a page that draws it with its contacts,
     /// its centre of mass and the force of the floor)
-    #[arg(short, long, value_name = "OUT")]
-    output_file: PathBuf,
+    #[arg(short, long, value_name = "OUT", required_unless_present = "html")]
+    output_file: Option<PathBuf>,
+    /// The page of one action, beside OUT or alone
+    #[arg(long, value_name = "FILE.html", conflicts_with = "variations")]
+    html: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
 }
@@ -94,6 +97,12 @@ fn class(text: &str) -> Result<(String, Option<u32>, String), String> {
 /// # Errors
 /// If there is no such action, a figure is out of range, or the file cannot be written.
 pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
+    // The page may be all that is wanted.
+    let (file, html) = match (&args.output_file, &args.html) {
+        (Some(file), html) => (file.clone(), html.clone()),
+        (None, Some(page)) => (page.clone(), None),
+        (None, None) => return Err(Error::new("no file to write").remedy("name one: -o walk.csv")),
+    };
     let order = SynthOrder {
         inserts: args.inserts.order(),
         figures: Figures::read(&args.set)?,
@@ -102,7 +111,8 @@ pub fn run(args: &SynthArgs, remarks: Remarks) -> Result<i32, Error> {
         database: args.database.clone(),
         has_points: !args.no_points,
         part: args.part.as_deref().map_or(Ok(Share::WHOLE), Share::parse)?,
-        file: args.output_file.clone(),
+        file,
+        html,
         replace: args.output.force(),
     };
     let signals = Signals::listened()?;
@@ -232,13 +242,13 @@ fn run_one(
     remarks: Remarks,
     signals: &Signals,
 ) -> Result<i32, Error> {
-    args.output.check_files(&[&Some(order.file.clone())])?;
+    args.output.check_files(&[&Some(order.file.clone()), &order.html])?;
     let report = synth(order, action, args.variation, &Terminal::new(remarks, signals))?;
     let text = if remarks.quiet {
         format!("{}\n", report.written)
     } else {
         format!(
-            "{}: {} takes {:.3} s, {}\n{}{}{}written   {}, {} at {} Hz\n",
+            "{}: {} takes {:.3} s, {}\n{}{}{}{}written   {}, {} at {} Hz\n",
             report.outcome.word(),
             report.action,
             report.duration_s,
@@ -246,6 +256,7 @@ fn run_one(
             report.varied.as_ref().map_or_else(String::new, became),
             told(&report.changes, &report.inserts),
             feet(&report.footing),
+            report.html.as_ref().map_or_else(String::new, |page| format!("plots     {page}\n")),
             report.written,
             counted(report.poses, "pose"),
             report.rate_hz

@@ -48,6 +48,8 @@ pub struct SynthOrder {
     pub part: Share,
     /// The file, whose ending says what is written; of variations perhaps a folder.
     pub file: PathBuf,
+    /// A page of one motion beside it, if one is wanted.
+    pub html: Option<PathBuf>,
     /// It may replace one that is there.
     pub replace: bool,
 }
@@ -247,6 +249,9 @@ pub struct SynthReport {
     pub footing: FootingReport,
     /// Where.
     pub written: String,
+    /// The page beside it, if one was wanted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub html: Option<String>,
 }
 
 /// What became of one variation.
@@ -342,14 +347,21 @@ pub fn synth(
     observer: &dyn Observer,
 ) -> Result<SynthReport, Error> {
     let (of, action) = (order.clone(), phrase.to_owned());
-    let (report, bytes) = unless_stopped(observer, move || of.made(&action, variation))?;
+    let (report, bytes, page) = unless_stopped(observer, move || of.made(&action, variation))?;
     draft::write_file(&order.file, order.replace, &bytes)?;
+    if let Some((path, page)) = order.html.as_ref().zip(page) {
+        draft::write_file(path, order.replace, &page)?;
+    }
     Ok(report)
 }
 
 impl SynthOrder {
-    /// The motion as what is to be written, and what is to be said of it.
-    fn made(&self, phrase: &str, variation: Option<u32>) -> Result<(SynthReport, Vec<u8>), Error> {
+    /// What is to be said of the motion, it as what is to be written, and its page, if one is wanted.
+    fn made(
+        &self,
+        phrase: &str,
+        variation: Option<u32>,
+    ) -> Result<(SynthReport, Vec<u8>, Option<Vec<u8>>), Error> {
         let mut fits = Fits::of(self.figures.body()?);
         let corpus = self.corpus(phrase, &mut fits)?;
         let (mut body, mut title, mut varied) = (corpus.body, phrase.to_owned(), None);
@@ -376,7 +388,10 @@ impl SynthOrder {
             Some(varied) => varied.status == VariationStatus::Implausible.name(),
             None => usual.is_some() && !footing.missed.is_empty(),
         };
-        let bytes = bytes_of(self, &title, &body, motion)?;
+        let ending = self.file.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let written = |ending: &str| bytes_of(self, ending, &title, &body, motion);
+        let (bytes, page) =
+            (written(ending)?, self.html.as_ref().map(|_| written("html")).transpose()?);
         let report = SynthReport {
             outcome: if is_lost { Outcome::DoneWithLoss } else { Outcome::Done },
             action: phrase.to_owned(),
@@ -389,8 +404,9 @@ impl SynthOrder {
             inserts: made.inserts,
             footing,
             written: self.file.display().to_string(),
+            html: self.html.as_ref().map(|page| page.display().to_string()),
         };
-        Ok((report, bytes))
+        Ok((report, bytes, page))
     }
 
     /// Fails if variations are to have inserts: their seams are elsewhere, where a cut may hold none.
@@ -439,9 +455,10 @@ impl SynthOrder {
     }
 }
 
-/// The motion as the kind of file the output's name asks for.
+/// The motion as the kind of file that a name with this ending asks for.
 fn bytes_of(
     order: &SynthOrder,
+    ending: &str,
     title: &str,
     body: &Proportions,
     motion: &Motion,
@@ -456,7 +473,7 @@ fn bytes_of(
     ) -> Scene<'a> {
         Scene { title, poses, body, rate_hz, floor_m: 0.0, feet: DrawnFeet::Made }
     }
-    match order.file.extension().and_then(|e| e.to_str()).unwrap_or_default() {
+    match ending {
         "csv" => {
             let mut bytes = Vec::new();
             table::write_csv(motion, body, order.rate_hz, &mut bytes)?;

@@ -312,6 +312,31 @@ fn a_page_tells_the_contacts_and_the_force_that_footing_tells() {
 }
 
 #[test]
+fn a_page_beside_a_table_is_the_page_that_is_written_alone_and_two_outputs_are_two_files() {
+    let folder = program::folder("beside");
+    let (table, beside, alone) =
+        (folder.join("bow.csv"), folder.join("bow.html"), folder.join("alone.html"));
+    let run = |outputs: &[&Path]| {
+        let mut gaitway = program::gaitway();
+        gaitway.args(["synth", "bow", "--html"]).arg(outputs[0]);
+        outputs.get(1).iter().for_each(|table| drop(gaitway.arg("-o").arg(table)));
+        gaitway.output().unwrap()
+    };
+    let done = run(&[&beside, &table]);
+    assert!(done.status.success(), "{}", program::words(&done));
+    assert!(program::words(&done).contains("bow.html"), "{}", program::words(&done));
+    assert!(std::fs::read_to_string(&table).unwrap().starts_with("time_s,"));
+    assert!(run(&[&alone]).status.success());
+    let read = |path: &Path| std::fs::read_to_string(path).unwrap();
+    assert_eq!(read(&beside), read(&alone));
+    assert_eq!(read(&alone), synth("bow", "the-same.html"));
+    // Neither is written over, nor are they one.
+    let (again, one) = (run(&[&beside, &folder.join("other.csv")]), folder.join("one.html"));
+    assert!(!again.status.success() && !folder.join("other.csv").exists());
+    assert!(!run(&[&one, &one]).status.success() && !one.exists());
+}
+
+#[test]
 fn a_page_draws_the_centre_of_mass_and_the_points_of_the_body() {
     let motion = motion(&synth("sit-down", "centre.html"));
     let (body, poses) = (body(), poses("sit-down", 120.0));
