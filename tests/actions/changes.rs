@@ -6,9 +6,20 @@ use gaitway::actionlet::Actionlet;
 use gaitway::body::contact::Footing;
 use gaitway::body::{Dof, Proportions};
 use proptest::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+/// What is performed; each phrase is made once for all tests, which look at it from several sides.
 fn performed(text: &str) -> Performed {
-    phrase::performed(&phrase::load(text).unwrap(), Join::Transition).unwrap()
+    static MADE: Mutex<BTreeMap<String, Arc<OnceLock<Performed>>>> = Mutex::new(BTreeMap::new());
+    let made = {
+        let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        Arc::clone(made.entry(text.to_owned()).or_default())
+    };
+    made.get_or_init(|| {
+        phrase::performed(&phrase::load(text).unwrap(), Join::Transition).unwrap()
+    })
+    .clone()
 }
 
 fn body() -> Proportions {
