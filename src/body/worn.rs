@@ -18,6 +18,7 @@ mod constraint;
 pub mod doubt;
 pub mod kept;
 pub mod limb;
+pub mod swaps;
 
 use crate::body::{JointAngles, Measured, Segment, SegmentPose};
 use constraint::{Freedom, heading_error_rad};
