@@ -22,20 +22,13 @@ use program::json;
 use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Stdio};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Longer nobody waits: something is wrong then.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// From what somebody does to what is asked, s, and a little more.
 const CHANGE_S: f64 = 1.4;
-
-/// Real time for one at a time.
-static REAL_TIME: Mutex<()> = Mutex::new(());
-
-fn alone() -> MutexGuard<'static, ()> {
-    REAL_TIME.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// `gaitway simulate imus --follow`.
 struct Virtual {
@@ -218,7 +211,6 @@ mirrors = "left arm"
 
 #[test]
 fn a_whole_session_is_rehearsed_by_a_virtual_person_who_does_what_is_asked() {
-    let _alone = alone();
     let folder = program::folder("follow");
     std::fs::write(folder.join("plan.toml"), PLAN).expect("a plan");
     std::fs::write(folder.join("up.toml"), ARMS_UP).expect("an action");
@@ -329,7 +321,6 @@ after_s = 1.5
 
 #[test]
 fn what_goes_wrong_with_a_virtual_person_by_script_is_noticed_by_the_session() {
-    let _alone = alone();
     let folder = program::folder("follow-mishaps");
     let plan = "still_s = 1.5\nrepetitions = 1\n[[action]]\nname = \"wave-r\"\n";
     std::fs::write(folder.join("plan.toml"), plan).expect("a plan");
@@ -411,8 +402,49 @@ fn what_goes_wrong_with_a_virtual_person_by_script_is_noticed_by_the_session() {
 }
 
 #[test]
+fn shanks_that_were_swapped_are_named_by_a_trial_in_which_somebody_walks() {
+    let folder = program::folder("follow-walk");
+    let plan = "still_s = 1.5\nrepetitions = 1\n[[action]]\nname = \"walk\"\n";
+    std::fs::write(folder.join("plan.toml"), plan).expect("a plan");
+    let swap = "[[mishap]]\nkind = \"swap\"\nsegments = [\"left_shank\", \"right_shank\"]\n\
+                asked = \"put_on\"\n";
+    std::fs::write(folder.join("swap.toml"), swap).expect("a script");
+    let worn = "left_thigh,right_thigh,left_shank,right_shank";
+    let more = ["--script", "swap.toml", "--action", "walk=walk:6s"];
+    let mut person = Virtual::start(&folder, "body", worn, &more);
+    let nobody = Person::wearing(&[]);
+    let mut begin: Vec<String> =
+        ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned).to_vec();
+    begin.extend(sources(&folder.join("body"), worn, ""));
+    let mut operator = Dialogue::start(&folder, &begin, &nobody);
+    set_up(&mut operator, &["s01"]);
+    lies(&mut operator);
+    person.expect("the sensors left_shank and right_shank change places (script)");
+    operator.answer("Are they on?", "");
+    stands(&mut operator, &mut person, "then: sit");
+    operator.expect("then: march");
+    // Whatever it says of them, somebody keeps it.
+    operator.answer("Keep this calibration?", "k");
+    operator.answer("Explain it and show it", "");
+    operator.answer("Let it be practised", "");
+    operator.answer("Record walk-01?", "");
+    stands(&mut operator, &mut person, "RECORDING walk-01");
+    person.expect("does walk again and again (perform is asked,");
+    passes(9.0);
+    operator.say(".");
+    operator.expect("! the left thigh swings with the right shank");
+    // It is not kept unless somebody says so.
+    operator.answer("[Enter or r: retake", "");
+    operator.answer("what was wrong", "the sensors");
+    operator.answer("Record walk-02?", "q");
+    assert_eq!(operator.ends(), Some(4));
+    let trial: TrialFile = read(&folder.join("lab/trials/walk-01.toml"));
+    assert_eq!(trial.verdict, Verdict::Retake);
+    assert!(!folder.join("lab/now.json").exists(), "a session that was stopped asks for nothing");
+}
+
+#[test]
 fn two_virtual_persons_take_turns_each_when_it_is_asked_and_may_come_late_or_again() {
-    let _alone = alone();
     let folder = program::folder("follow-two");
     let plan = "still_s = 1.5\nrepetitions = 1\n[[action]]\nname = \"bow\"\n";
     std::fs::write(folder.join("plan.toml"), plan).expect("a plan");

@@ -19,6 +19,7 @@ pub mod doubt;
 pub mod kept;
 pub mod limb;
 pub mod strap;
+pub mod swaps;
 
 use crate::body::{JointAngles, Measured, Segment, SegmentPose};
 use constraint::{Freedom, heading_error_rad};

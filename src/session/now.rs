@@ -19,7 +19,7 @@ const MOST_BYTES: u64 = 1 << 16;
 /// What is asked of subjects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Wanted {
+pub enum NowWanted {
     /// Nothing: the operator is asked, or thinks.
     #[default]
     Wait,
@@ -41,7 +41,7 @@ pub enum Wanted {
     Perform,
 }
 
-impl Wanted {
+impl NowWanted {
     /// As it stands in the file.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -108,8 +108,8 @@ pub struct Now {
     /// How often the same was asked of the same subjects until now, this time with it: of movements each for itself.
     pub times: u64,
     /// What is wanted.
-    pub wanted: Wanted,
-    /// Which movement, of [`Wanted::Move`].
+    pub wanted: NowWanted,
+    /// Which movement, of [`NowWanted::Move`].
     #[serde(default)]
     pub movement: Option<String>,
     /// Of whom, by id; empty: of all.
@@ -140,7 +140,7 @@ impl Now {
     #[must_use]
     pub fn word(&self) -> &str {
         match (&self.movement, self.wanted) {
-            (Some(movement), Wanted::Move) => movement,
+            (Some(movement), NowWanted::Move) => movement,
             _ => self.wanted.word(),
         }
     }
@@ -254,7 +254,7 @@ mod tests {
         let action = NowAction { name: "bow".into(), lasts_s: Some(2.0), ..NowAction::default() };
         let now = Now {
             subjects: vec!["s01".into()],
-            wanted: Wanted::Perform,
+            wanted: NowWanted::Perform,
             action: Some(action),
             ..told(own, started(own).unwrap_or(0))
         };

@@ -16,10 +16,8 @@ fn performed(text: &str) -> Performed {
         let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
         Arc::clone(made.entry(text.to_owned()).or_default())
     };
-    made.get_or_init(|| {
-        phrase::performed(&phrase::load(text).unwrap(), Join::Transition).unwrap()
-    })
-    .clone()
+    made.get_or_init(|| phrase::performed(&phrase::load(text).unwrap(), Join::Transition).unwrap())
+        .clone()
 }
 
 fn body() -> Proportions {

@@ -171,7 +171,7 @@ fn speeds(said: &[DQuat]) -> Vec<f64> {
 }
 
 /// Correlation (Pearson's) of two series; zero if one does not change.
-fn alike(one: &[f64], other: &[f64]) -> f64 {
+pub(super) fn alike(one: &[f64], other: &[f64]) -> f64 {
     let count = one.len().min(other.len());
     let mean = |series: &[f64]| series[..count].iter().sum::<f64>() / count.max(1) as f64;
     let (mean_one, mean_other) = (mean(one), mean(other));

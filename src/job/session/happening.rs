@@ -217,6 +217,11 @@ pub enum TrialFault {
         /// Name of the sensor.
         sensor: String,
     },
+    /// Two sensors seem to be on one another's segments, as the trial shows.
+    Swapped {
+        /// Which, and why, in words.
+        what: String,
+    },
     /// A sensor says nothing at its end.
     Silent {
         /// Name of the sensor.

@@ -4,10 +4,12 @@ use super::Job;
 use super::happening::{Happening, RecordedTrial, Settled, TrialFault, TrialPart};
 use super::operator::{Judged, Ready, Words};
 use crate::body::worn::kept::Kept;
+use crate::body::worn::swaps::swaps_in_legs;
 use crate::error::Error;
 use crate::job::heard::SILENT_S;
 use crate::recording::{SensorMoment, SensorSeries, sensor_series};
 use crate::sensing::{Ended, wall_clock};
+use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::{BODY_KEY, SCHEMA, TrialFile, TrialRecording, Verdict, trial_of};
 use crate::session::tap::taps;
 use std::collections::BTreeMap;
@@ -95,6 +97,7 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
             faults.push(TrialFault::Missing { samples: part.missed });
         }
         faults.extend(silent(part));
+        faults.extend(swapped(part));
     }
     let part = |part: &SensorSeries| TrialPart {
         duration_s: part.duration_s(),
@@ -109,6 +112,21 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
         faults,
         taps: taps(&all, start_ns),
     }
+}
+
+/// How often a second it is looked how legs move.
+const LEGS_HZ: f64 = 50.0;
+
+/// Sensors of legs that are on one another's segments, if somebody walks in a recording.
+fn swapped(part: &SensorSeries) -> Vec<TrialFault> {
+    let metadata = part.start.as_ref().map(|start| &start.metadata);
+    let kept = metadata.and_then(|metadata| Kept::parse(metadata.get(BODY_KEY)?).ok());
+    let body = metadata.and_then(|metadata| body_of(metadata).ok());
+    let (Some(kept), Some(body)) = (kept, body) else { return Vec::new() };
+    // What cannot be made angles of is told by whoever makes them.
+    let Ok(motion) = WornMotion::of(part, &kept, body, LEGS_HZ) else { return Vec::new() };
+    let found = swaps_in_legs(&motion.poses, &motion.measured, LEGS_HZ);
+    found.into_iter().map(|what| TrialFault::Swapped { what }).collect()
 }
 
 /// Sensors that were worn and say nothing in a recording, or at its end.

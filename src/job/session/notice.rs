@@ -13,7 +13,7 @@ use crate::body::worn::Movement;
 use crate::error::Error;
 use crate::job::cues;
 use crate::sensing::{Answer, Cue, Person};
-use crate::session::now::{MOVEMENTS, NOW_FILE, NOW_VERSION, Now, NowAction, Wanted, started};
+use crate::session::now::{MOVEMENTS, NOW_FILE, NOW_VERSION, Now, NowAction, NowWanted, started};
 use crate::session::{Folder, PlannedAction, Verdict};
 use crate::time::Duration;
 use std::collections::BTreeMap;
@@ -43,23 +43,26 @@ struct Stated {
 
 impl Stated {
     /// Something is asked for anew.
-    fn ask(&mut self, wanted: Wanted, text: &str) {
+    fn ask(&mut self, wanted: NowWanted, text: &str) {
         self.ask_for(wanted, None, text);
     }
 
     /// The same; of a movement, which.
-    fn ask_for(&mut self, wanted: Wanted, movement: Option<Movement>, text: &str) {
+    fn ask_for(&mut self, wanted: NowWanted, movement: Option<Movement>, text: &str) {
         let now = &mut self.now;
         let named = MOVEMENTS.iter().find(|(_, known)| Some(*known) == movement);
         now.movement = named.map(|(name, _)| (*name).to_owned());
         (now.wanted, now.hold_s, now.recording) = (wanted, None, false);
         text.trim().clone_into(&mut now.text);
         now.subjects = match wanted {
-            Wanted::Wait | Wanted::LieStill => Vec::new(),
-            Wanted::PutOn | Wanted::NPose | Wanted::TPose | Wanted::Move => self.subject.clone(),
-            Wanted::Watch | Wanted::Practise | Wanted::Perform => self.performers.clone(),
+            NowWanted::Wait | NowWanted::LieStill => Vec::new(),
+            NowWanted::PutOn | NowWanted::NPose | NowWanted::TPose | NowWanted::Move => {
+                self.subject.clone()
+            }
+            NowWanted::Watch | NowWanted::Practise | NowWanted::Perform => self.performers.clone(),
         };
-        let is_of_action = matches!(wanted, Wanted::Watch | Wanted::Practise | Wanted::Perform);
+        let is_of_action =
+            matches!(wanted, NowWanted::Watch | NowWanted::Practise | NowWanted::Perform);
         now.action = is_of_action.then(|| self.action.clone());
         now.request += 1;
         let same = format!("{} {}", now.word(), now.subjects.join(" "));
@@ -71,8 +74,8 @@ impl Stated {
     /// Nothing is asked of anybody any more; who waits already goes on waiting.
     fn wait(&mut self, text: &str) {
         match self.now.wanted {
-            Wanted::Wait if self.now.request > 0 => text.trim().clone_into(&mut self.now.text),
-            _ => self.ask(Wanted::Wait, text),
+            NowWanted::Wait if self.now.request > 0 => text.trim().clone_into(&mut self.now.text),
+            _ => self.ask(NowWanted::Wait, text),
         }
     }
 
@@ -90,7 +93,7 @@ impl Stated {
             }
             Happening::Recording { trial } => {
                 self.action.trial = Some(trial.to_owned());
-                self.ask(Wanted::Perform, &text);
+                self.ask(NowWanted::Perform, &text);
                 self.now.recording = true;
             }
             Happening::Marked { good, bad, .. } => {
@@ -109,9 +112,9 @@ impl Stated {
     fn cue(&mut self, cue: &Cue<'_>) {
         let text = cues::of(cue);
         match *cue {
-            Cue::NPose => self.ask(Wanted::NPose, &text),
-            Cue::TPose => self.ask(Wanted::TPose, &text),
-            Cue::Move(movement) => self.ask_for(Wanted::Move, Some(movement), &text),
+            Cue::NPose => self.ask(NowWanted::NPose, &text),
+            Cue::TPose => self.ask(NowWanted::TPose, &text),
+            Cue::Move(movement) => self.ask_for(NowWanted::Move, Some(movement), &text),
             Cue::HoldStill(time) => {
                 self.now.hold_s = Some(time.as_secs_f64());
                 text.trim().clone_into(&mut self.now.text);
@@ -237,13 +240,13 @@ impl Operator for WithNotice<'_> {
     fn ready(&self, what: Ready<'_>) -> Answered<()> {
         let text = words(&Asking::ready(&what));
         self.change(|stated| match what {
-            Ready::LyingStill { .. } => stated.ask(Wanted::LieStill, &text),
+            Ready::LyingStill { .. } => stated.ask(NowWanted::LieStill, &text),
             Ready::Worn { subject, .. } => {
                 stated.subject = vec![subject.to_owned()];
-                stated.ask(Wanted::PutOn, &text);
+                stated.ask(NowWanted::PutOn, &text);
             }
-            Ready::Explained => stated.ask(Wanted::Watch, &text),
-            Ready::Practised => stated.ask(Wanted::Practise, &text),
+            Ready::Explained => stated.ask(NowWanted::Watch, &text),
+            Ready::Practised => stated.ask(NowWanted::Practise, &text),
             Ready::Again { .. } | Ready::Retake { .. } => stated.wait(&text),
         });
         self.operator.ready(what)
@@ -399,30 +402,30 @@ mod tests {
         let asked = || (now().wanted, now().times, now().subjects);
         let nobody = Vec::new;
         let s01 = || vec!["s01".to_owned()];
-        assert_eq!(asked(), (Wanted::Wait, 1, nobody()));
+        assert_eq!(asked(), (NowWanted::Wait, 1, nobody()));
         let _ = with.ready(Ready::LyingStill { sensors: &["torso".to_owned()] });
-        assert_eq!(asked(), (Wanted::LieStill, 1, nobody()));
+        assert_eq!(asked(), (NowWanted::LieStill, 1, nobody()));
         with.hear(Happening::MeasuringStill { seconds: 2.5 });
-        assert_eq!((asked(), now().hold_s), ((Wanted::LieStill, 1, nobody()), Some(2.5)));
+        assert_eq!((asked(), now().hold_s), ((NowWanted::LieStill, 1, nobody()), Some(2.5)));
         let _ = with.ready(Ready::Worn { subject: "s01", segments: &[] });
-        assert_eq!(asked(), (Wanted::PutOn, 1, s01()));
+        assert_eq!(asked(), (NowWanted::PutOn, 1, s01()));
         let person = with.person();
         person.tell(Cue::NPose);
-        assert_eq!(asked(), (Wanted::NPose, 1, s01()));
+        assert_eq!(asked(), (NowWanted::NPose, 1, s01()));
         let request = now().request;
         person.tell(Cue::HoldStill(Duration::from_secs(3)));
         assert_eq!((now().request, now().hold_s), (request, Some(3.0)), "the same request");
         // Somebody moved: the same is asked anew.
         person.tell(Cue::NPose);
-        assert_eq!(asked(), (Wanted::NPose, 2, s01()));
+        assert_eq!(asked(), (NowWanted::NPose, 2, s01()));
         assert_eq!((now().request, now().hold_s), (request + 1, None));
         person.tell(Cue::Good);
-        assert_eq!(asked(), (Wanted::Wait, 2, nobody()));
+        assert_eq!(asked(), (NowWanted::Wait, 2, nobody()));
         person.tell(Cue::TPose);
-        assert_eq!(asked(), (Wanted::TPose, 1, s01()));
+        assert_eq!(asked(), (NowWanted::TPose, 1, s01()));
         for (times, movement) in [(1, Movement::Bow), (1, Movement::Bend), (2, Movement::Bow)] {
             person.tell(Cue::Move(movement));
-            assert_eq!(asked(), (Wanted::Move, times, s01()), "{movement:?}");
+            assert_eq!(asked(), (NowWanted::Move, times, s01()), "{movement:?}");
         }
         assert_eq!(now().movement.as_deref(), Some("bow"));
         let action = PlannedAction { name: "bow".into(), ..PlannedAction::default() };
@@ -437,10 +440,10 @@ mod tests {
         };
         with.hear(next);
         let _ = with.ready(Ready::Practised);
-        assert_eq!(asked(), (Wanted::Practise, 1, both.to_vec()));
+        assert_eq!(asked(), (NowWanted::Practise, 1, both.to_vec()));
         with.hear(Happening::FacingForward { subject: "s02" });
         person.tell(Cue::NPose);
-        assert_eq!(asked(), (Wanted::NPose, 1, vec!["s02".to_owned()]));
+        assert_eq!(asked(), (NowWanted::NPose, 1, vec!["s02".to_owned()]));
         with.hear(Happening::Recording { trial: "bow-01" });
         with.hear(Happening::Marked { good: 1, bad: 2, time_s: 1.0 });
         let action = now().action.expect("an action");
@@ -450,7 +453,7 @@ mod tests {
         // As its file says.
         assert_eq!(action.lasts_s, Some(2.8));
         let _ = with.during_trial(Duration::from_millis(1));
-        assert_eq!((asked().0, now().recording, now().action), (Wanted::Wait, false, None));
+        assert_eq!((asked().0, now().recording, now().action), (NowWanted::Wait, false, None));
         drop(with);
         assert_eq!(Now::read(&root), Ok(None));
         assert!(!root.join("now.json.new").exists());

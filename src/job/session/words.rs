@@ -376,6 +376,7 @@ fn of_fault(fault: &TrialFault) -> String {
             samples = counted(samples, "sample"),
             are = either(samples, "is", "are")
         ),
+        TrialFault::Swapped { what } => what.clone(),
         TrialFault::Unheard { sensor } => format!("{sensor} said nothing in it"),
         TrialFault::Silent { sensor, seconds } => {
             format!("{sensor} is silent for the last {seconds:.1} s")

@@ -280,14 +280,14 @@ mod tests {
             times,
             ..Now::default()
         };
-        use crate::session::now::Wanted;
+        use crate::session::now::NowWanted;
         let occasion = |n: usize| &script.mishaps[n].occasion;
-        assert_eq!(occasion(0).after_s(&asked(Wanted::NPose, None, 2)), Some(0.5));
-        assert_eq!(occasion(0).after_s(&asked(Wanted::NPose, None, 1)), None);
-        assert_eq!(occasion(0).after_s(&asked(Wanted::TPose, None, 2)), None);
+        assert_eq!(occasion(0).after_s(&asked(NowWanted::NPose, None, 2)), Some(0.5));
+        assert_eq!(occasion(0).after_s(&asked(NowWanted::NPose, None, 1)), None);
+        assert_eq!(occasion(0).after_s(&asked(NowWanted::TPose, None, 2)), None);
         assert_eq!(*occasion(1), Occasion::At(4.0));
-        assert_eq!(occasion(3).after_s(&asked(Wanted::Move, Some("bow"), 1)), Some(0.0));
-        assert_eq!(occasion(3).after_s(&asked(Wanted::Move, Some("bend"), 1)), None);
+        assert_eq!(occasion(3).after_s(&asked(NowWanted::Move, Some("bow"), 1)), Some(0.0));
+        assert_eq!(occasion(3).after_s(&asked(NowWanted::Move, Some("bend"), 1)), None);
         assert!(matches!(script.mishaps[4].wrong, Wrong::Instead(Act::Stay(Stays::Sit), _)));
     }
 

@@ -12,7 +12,7 @@ use crate::body::{Segment, segment_name};
 use crate::error::{Error, ErrorKind};
 use crate::job::source::body_motion;
 use crate::mocap::anatomy::Capture;
-use crate::session::now::{MOVEMENTS, Now, Wanted};
+use crate::session::now::{MOVEMENTS, Now, NowWanted};
 use gaitway_sim::imu::{ImuDoor, MadeMotion, MakesPoses, Stage, VirtualImu};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -232,7 +232,7 @@ impl Participant {
             }
         }
         let asked = match now.wanted {
-            Wanted::Wait => "nothing is asked".to_owned(),
+            NowWanted::Wait => "nothing is asked".to_owned(),
             _ if is_for => {
                 format!("{} is asked", now.word().replace('_', " "))
             }
@@ -250,30 +250,32 @@ impl Participant {
     fn wanted(&mut self, now: &Now) -> (Option<Act>, String) {
         let wanted = match now.is_for(self.order.subject.as_deref()) {
             true => now.wanted,
-            false => Wanted::Wait,
+            false => NowWanted::Wait,
         };
-        if wanted == Wanted::LieStill || wanted == Wanted::Wait && self.lies {
+        if wanted == NowWanted::LieStill || wanted == NowWanted::Wait && self.lies {
             let act = (!std::mem::replace(&mut self.lies, true)).then_some(Act::Table);
             return (act, in_words(&Act::Table));
         }
         self.lies = false;
         let stands = Act::Stay(Stays::NPose);
         let act = match (wanted, &now.action) {
-            (Wanted::TPose, _) => Act::Stay(Stays::TPose),
-            (Wanted::Move, _) => {
+            (NowWanted::TPose, _) => Act::Stay(Stays::TPose),
+            (NowWanted::Move, _) => {
                 let named = MOVEMENTS.iter().find(|(name, _)| *name == now.word());
                 named.map_or(stands, |(_, movement)| Act::Move(*movement))
             }
-            (Wanted::Practise | Wanted::Perform, Some(action)) => match self.motion(&action.name) {
-                Ok(capture) => {
-                    let words = format!("does {} again and again", action.name);
-                    return (Some(Act::Repeat(capture, FIRST_S)), words);
+            (NowWanted::Practise | NowWanted::Perform, Some(action)) => {
+                match self.motion(&action.name) {
+                    Ok(capture) => {
+                        let words = format!("does {} again and again", action.name);
+                        return (Some(Act::Repeat(capture, FIRST_S)), words);
+                    }
+                    Err(error) => {
+                        let words = format!("stands, and does not know how to do it: {error}");
+                        return (Some(stands), words);
+                    }
                 }
-                Err(error) => {
-                    let words = format!("stands, and does not know how to do it: {error}");
-                    return (Some(stands), words);
-                }
-            },
+            }
             _ => stands,
         };
         let words = in_words(&act);
