@@ -347,7 +347,8 @@ pub fn synth(
     observer: &dyn Observer,
 ) -> Result<SynthReport, Error> {
     let (of, action) = (order.clone(), phrase.to_owned());
-    let (report, bytes, page) = unless_stopped(observer, move || of.made(&action, variation))?;
+    let made = unless_stopped(observer, move || of.made(&action, variation))?;
+    let Synthesised { report, bytes, page } = made;
     draft::write_file(&order.file, order.replace, &bytes)?;
     if let Some((path, page)) = order.html.as_ref().zip(page) {
         draft::write_file(path, order.replace, &page)?;
@@ -355,13 +356,19 @@ pub fn synth(
     Ok(report)
 }
 
+/// A motion that was made.
+struct Synthesised {
+    /// What is to be said of it.
+    report: SynthReport,
+    /// What is to be written.
+    bytes: Vec<u8>,
+    /// Its page, if one is wanted.
+    page: Option<Vec<u8>>,
+}
+
 impl SynthOrder {
-    /// What is to be said of the motion, it as what is to be written, and its page, if one is wanted.
-    fn made(
-        &self,
-        phrase: &str,
-        variation: Option<u32>,
-    ) -> Result<(SynthReport, Vec<u8>, Option<Vec<u8>>), Error> {
+    /// The motion.
+    fn made(&self, phrase: &str, variation: Option<u32>) -> Result<Synthesised, Error> {
         let mut fits = Fits::of(self.figures.body()?);
         let corpus = self.corpus(phrase, &mut fits)?;
         let (mut body, mut title, mut varied) = (corpus.body, phrase.to_owned(), None);
@@ -406,7 +413,7 @@ impl SynthOrder {
             written: self.file.display().to_string(),
             html: self.html.as_ref().map(|page| page.display().to_string()),
         };
-        Ok((report, bytes, page))
+        Ok(Synthesised { report, bytes, page })
     }
 
     /// Fails if variations are to have inserts: their seams are elsewhere, where a cut may hold none.
