@@ -430,7 +430,7 @@ fn a_program_that_stops_before_a_trial_finds_the_session_where_it_left_it() {
     let begun = SessionOrder { wear: worn(20), ..order(&lab, None, Some(plan)) };
     let report = led(begun, &first);
     let session: SessionFile = read(&lab.join("session.toml"));
-    assert_eq!(session.sources, [source.clone()]);
+    assert_eq!(session.sources, std::slice::from_ref(&source));
     let forward = session.forward["torso"].forward().expect("a direction").expect("known");
     assert!((forward.angle_between(DVec3::X).to_degrees() - 20.0).abs() < 1e-9, "{forward}");
     let other = SessionOrder { wear: worn(30), ..order(&lab, None, None) };
