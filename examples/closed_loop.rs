@@ -158,6 +158,7 @@ fn make(file: &Path, action: &str, variation: Option<u32>) -> Result<(), Error> 
         seed: 1,
         database: Vec::new(),
         has_points: false,
+        html: None,
         part: Share::WHOLE,
         file: file.to_owned(),
         replace: true,
