@@ -15,7 +15,7 @@ pub enum SampleEncoding {
     /// As text that anything reads.
     #[default]
     Json,
-    /// As protobuf, whose description is in the file, in one message a sample: a third of the bytes. Numbers have 24 bits.
+    /// As protobuf, whose description is in the file, in one message a sample: fewer than half of the bytes. Numbers have 24 bits.
     Protobuf,
 }
 

@@ -68,7 +68,14 @@ impl SessionOrder {
                 None => drop(straps.insert(name, StrapDirection::Words("none".to_owned()))),
             }
         }
-        self.sources.extend(read.sources);
+        // As they would be typed: the session's file keeps them so, and is read by nobody who knows the file of today.
+        self.sources.extend(read.sources.into_iter().map(|source| match &source.name {
+            Some(name) if !source.text.starts_with(&format!("{name}=")) => {
+                let text = format!("{name}={}", source.text);
+                Source { text, ..source }
+            }
+            _ => source,
+        }));
         Ok((self, straps))
     }
 
