@@ -260,7 +260,8 @@ fn slimevr_trackers_are_worn_as_was_said() {
     operator.answer("Do they lie still?", "");
     operator.expect("head ");
     operator.expect("samples");
-    operator.answer("", "q");
+    // What is typed before a question is asked is no answer to it.
+    operator.answer("Are they on?", "q");
     operator.ends();
     let session: SessionFile = read(&folder.join("lab/session.toml"));
     assert_eq!(session.wear["tracker-000001-0"], "head");
