@@ -107,9 +107,21 @@ impl<'a> Dialogue<'a> {
 
     /// Waits for the end; the exit code.
     pub fn ends(mut self) -> Option<i32> {
-        let code = self.child.wait().expect("its end").code();
+        let began = Instant::now();
+        let ended = loop {
+            match self.child.try_wait().expect("its state") {
+                Some(ended) => break ended,
+                None if began.elapsed() < 4 * PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(10))
+                }
+                None => {
+                    let _ = self.child.kill();
+                    panic!("it does not end:\n{}", self.said());
+                }
+            }
+        };
         self.person.is_left();
-        code
+        ended.code()
     }
 
     /// Ctrl-C.
