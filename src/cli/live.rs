@@ -181,6 +181,9 @@ pub fn run(args: &LiveArgs, remarks: Remarks) -> Result<i32, Error> {
         let operator = Operator::listen(signals.clone(), remarks);
         let avatar = Avatar::new(&operator, args.vmc.as_deref())?;
         let stream = BvhStream::new(&avatar, args.bvh.as_deref())?;
+        if let Some(address) = stream.address() {
+            remarks.say(&format!("bvh       {address}"));
+        }
         let viewing = Viewing::new(&stream, view.as_ref());
         let report = live(&order, &viewing, &viewing.of(&operator));
         viewing.ended(report.run.outcome, report.run.stop_reason.as_deref());
