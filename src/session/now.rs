@@ -204,6 +204,20 @@ impl Now {
         Ok(Some(now).filter(Self::is_led))
     }
 
+    /// True if such a file may be written into this folder: there is none of its name, or one of a session.
+    #[must_use]
+    pub fn has_a_place(session: &Path) -> bool {
+        let path = session.join(NOW_FILE);
+        match path.symlink_metadata() {
+            Err(cause) => cause.kind() == std::io::ErrorKind::NotFound,
+            // What a link leads to stays as it is when the link makes way.
+            Ok(found) if found.is_symlink() => true,
+            Ok(found) if found.is_file() && found.len() <= MOST_BYTES => std::fs::read(&path)
+                .is_ok_and(|bytes| serde_json::from_slice::<Version>(&bytes).is_ok()),
+            Ok(_) => false,
+        }
+    }
+
     /// True if whoever wrote it is there; where the system tells nothing of its processes that is believed.
     fn is_led(&self) -> bool {
         match started(self.pid) {

@@ -23,6 +23,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub(super) struct WithNotice<'a> {
     operator: &'a dyn Operator,
     folder: &'a Folder,
+    /// Somebody else's file is kept, whatever its name.
+    has_a_place: bool,
     stated: Mutex<Stated>,
 }
 
@@ -144,7 +146,8 @@ impl<'a> WithNotice<'a> {
         let started = started(pid).unwrap_or(0);
         let now = Now { gaitway_now: NOW_VERSION, pid, started, ..Now::default() };
         let stated = Mutex::new(Stated { now, ..Stated::default() });
-        let with = Self { operator, folder, stated };
+        let has_a_place = Now::has_a_place(folder.root());
+        let with = Self { operator, folder, has_a_place, stated };
         with.change(|stated| stated.wait(""));
         with
     }
@@ -164,7 +167,14 @@ impl<'a> WithNotice<'a> {
             }
             stated.now.change += 1;
             let text = serde_json::to_string_pretty(&stated.now).unwrap_or_default();
-            let failed = self.folder.put_up(NOW_FILE, format!("{text}\n").as_bytes()).err();
+            let failed = match self.has_a_place {
+                true => self.folder.put_up(NOW_FILE, format!("{text}\n").as_bytes()).err(),
+                false => Some(
+                    Error::new("there is a file of this name that no session wrote; it is kept")
+                        .at(self.folder.path(NOW_FILE).display().to_string())
+                        .remedy("give it another name, if others are to know what is asked"),
+                ),
+            };
             failed.filter(|_| !std::mem::replace(&mut stated.has_failed, true))
         };
         if let Some(error) = failed {
@@ -186,7 +196,9 @@ fn words(asking: &Asking) -> String {
 
 impl Drop for WithNotice<'_> {
     fn drop(&mut self) {
-        self.folder.take_down(NOW_FILE);
+        if self.has_a_place {
+            self.folder.take_down(NOW_FILE);
+        }
     }
 }
 
@@ -390,6 +402,31 @@ mod tests {
             std::env::temp_dir().join(format!("gaitway-notice-{}-{name}", std::process::id()));
         let _ = std::fs::remove_dir_all(&root);
         root
+    }
+
+    #[test]
+    fn a_file_of_that_name_that_no_session_wrote_is_kept_and_that_is_said_once() {
+        let root = folder("kept");
+        let folder = Folder::open(&root).expect("a folder");
+        for foreign in ["[1, 2]", "my own notes", "{\"wanted\": \"t_pose\"}"] {
+            std::fs::write(root.join(NOW_FILE), foreign).expect("written");
+            let yes = Yes::default();
+            let with = WithNotice::new(&yes, &folder);
+            with.person().tell(Cue::NPose);
+            with.person().tell(Cue::TPose);
+            drop(with);
+            let kept = std::fs::read_to_string(root.join(NOW_FILE)).expect("it is there");
+            assert_eq!(kept, foreign);
+            let said = yes.0.lock().expect("whole").join("\n");
+            assert_eq!(said.matches("no session wrote").count(), 1, "{said}");
+        }
+        // One that a session left behind, of another version too, makes way.
+        std::fs::write(root.join(NOW_FILE), "{\"gaitway_now\": 7}").expect("written");
+        let yes = Yes::default();
+        drop(WithNotice::new(&yes, &folder));
+        assert!(!root.join(NOW_FILE).exists());
+        assert_eq!(yes.0.lock().expect("whole").len(), 0);
+        std::fs::remove_dir_all(root).expect("taken away");
     }
 
     #[test]
