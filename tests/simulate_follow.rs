@@ -178,6 +178,12 @@ fn most_deg(path: &Path, dof: Dof) -> f64 {
     lines.map(|line| angle(line).expect("a number")).fold(f64::MIN, f64::max).to_degrees()
 }
 
+/// What is typed to begin a session with these sources.
+fn begun(sources: Vec<String>) -> Vec<String> {
+    let begin = ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned);
+    begin.into_iter().chain(sources).collect()
+}
+
 const PLAN: &str = r#"
 still_s = 1.5
 repetitions = 1
@@ -218,9 +224,7 @@ fn a_whole_session_is_rehearsed_by_a_virtual_person_who_does_what_is_asked() {
     // The person is there before anybody thinks of a session.
     let mut person = Virtual::start(&folder, "body", worn, &["--action", "arms-up=up.toml"]);
     let nobody = Person::wearing(&[]);
-    let mut begin: Vec<String> =
-        ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned).to_vec();
-    begin.extend(sources(&folder.join("body"), worn, ""));
+    let begin = begun(sources(&folder.join("body"), worn, ""));
     let mut operator = Dialogue::start(&folder, &begin, &nobody);
     set_up(&mut operator, &["s01"]);
     lies(&mut operator);
@@ -328,9 +332,7 @@ fn what_goes_wrong_with_a_virtual_person_by_script_is_noticed_by_the_session() {
     let worn = "left_upper_arm,right_upper_arm,left_forearm,right_forearm";
     let mut person = Virtual::start(&folder, "body", worn, &["--script", "mishaps.toml"]);
     let nobody = Person::wearing(&[]);
-    let mut begin: Vec<String> =
-        ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned).to_vec();
-    begin.extend(sources(&folder.join("body"), worn, ""));
+    let begin = begun(sources(&folder.join("body"), worn, ""));
     let mut operator = Dialogue::start(&folder, &begin, &nobody);
     set_up(&mut operator, &["s01"]);
     lies(&mut operator);
@@ -413,9 +415,7 @@ fn shanks_that_were_swapped_are_named_by_a_trial_in_which_somebody_walks() {
     let more = ["--script", "swap.toml", "--action", "walk=walk:6s"];
     let mut person = Virtual::start(&folder, "body", worn, &more);
     let nobody = Person::wearing(&[]);
-    let mut begin: Vec<String> =
-        ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned).to_vec();
-    begin.extend(sources(&folder.join("body"), worn, ""));
+    let begin = begun(sources(&folder.join("body"), worn, ""));
     let mut operator = Dialogue::start(&folder, &begin, &nobody);
     set_up(&mut operator, &["s01"]);
     lies(&mut operator);
@@ -454,10 +454,9 @@ fn two_virtual_persons_take_turns_each_when_it_is_asked_and_may_come_late_or_aga
     let of_bert = ["--subject", "s02", "--script", "late.toml"];
     let mut bert = Virtual::start(&folder, "bert", "torso", &of_bert);
     let nobody = Person::wearing(&[]);
-    let mut begin: Vec<String> =
-        ["--session", "lab", "--plan", "plan.toml"].map(str::to_owned).to_vec();
-    begin.extend(sources(&folder.join("anna"), "torso", ""));
-    begin.extend(sources(&folder.join("bert"), "torso", "2-"));
+    let anna_and_bert = [("anna", ""), ("bert", "2-")];
+    let both = anna_and_bert.map(|(name, prefix)| sources(&folder.join(name), "torso", prefix));
+    let begin = begun(both.concat());
     let mut operator = Dialogue::start(&folder, &begin, &nobody);
     set_up(&mut operator, &["s01", "s02"]);
     lies(&mut operator);
