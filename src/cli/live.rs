@@ -58,6 +58,12 @@ pub struct LiveArgs {
     /// Move servos whose firmware the profile was not checked against
     #[arg(long)]
     accept_firmware: bool,
+    /// The robot hangs on a stand: its feet go where the person's go, and need not carry it
+    #[arg(long)]
+    hang: bool,
+    /// The virtual robot has weight and may fall (sim, sim:pty; robots whose file has a body)
+    #[arg(long)]
+    physics: bool,
     /// Write nothing to the robot. With sensors: show the joint angles of the body, with or
     /// without a robot
     #[arg(long)]
@@ -117,6 +123,8 @@ impl LiveArgs {
             record: self.record.clone(),
             replace: self.output.force(),
             accept_firmware: self.accept_firmware,
+            hangs: self.hang,
+            physics: self.physics,
             dry_run: self.dry_run,
             recognise: self.recognise,
             models: self.models.clone(),

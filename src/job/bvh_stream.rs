@@ -130,3 +130,23 @@ impl Observer for BvhStream<'_> {
         self.observer.watch(progress);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_that_does_not_read_is_let_go_and_little_is_kept_for_it_until_then() {
+        let door = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let reader = TcpStream::connect(door.local_addr().expect("its address")).expect("let in");
+        let (stream, _) = door.accept().expect("it came");
+        stream.set_nonblocking(true).expect("a stream");
+        let mut listener = Listener { stream, pending: Vec::new() };
+        let line = [b'7'; 4096];
+        // What the system itself keeps on the way is some megabytes.
+        let lines = (0..1_000_000).take_while(|_| listener.take(&line)).count();
+        assert!(lines < 100_000, "{lines} lines were sent to who read none");
+        assert!(listener.pending.len() <= MOST_PENDING + line.len());
+        drop(reader);
+    }
+}

@@ -3,9 +3,11 @@
 use super::follow;
 use super::model::robot_model;
 use super::observer::Observer;
+use super::play;
 use super::recorder::RunRecorder;
 use super::report::{Outcome, OwnProfile, PlayReport};
 use super::source;
+use super::weight::Witness;
 use crate::capture;
 use crate::control::{self, Input, Settings, inject, net};
 use crate::error::Error;
@@ -21,6 +23,7 @@ use std::path::PathBuf;
 
 mod lost;
 pub(super) mod naming;
+mod onto_robot;
 mod performer;
 mod report;
 mod when;
@@ -28,6 +31,7 @@ mod words;
 mod worn;
 
 use naming::{HowNamed, NamedBody};
+use onto_robot::{FollowingBody, OntoRobot};
 use performer::Performer;
 pub use report::{BodyReport, LatencyReport, LiveJoint, LiveReport, MountReport};
 pub use when::{AnswersReport, CheckedAnswer, GivenAnswer, When};
@@ -67,6 +71,10 @@ pub struct LiveOrder {
     pub replace: bool,
     /// Move servos whose firmware the profile was not checked against.
     pub accept_firmware: bool,
+    /// It hangs on a stand: its feet need not carry it.
+    pub hangs: bool,
+    /// A virtual robot has weight and may fall.
+    pub physics: bool,
     /// Write nothing to the robot; show the body's angles.
     pub dry_run: bool,
     /// Name what who wears the sensors does.
@@ -151,9 +159,18 @@ struct Ready {
     connection: Connection,
     found: Preflight,
     settings: Settings,
+    /// Who sees whether a virtual robot with weight falls.
+    witness: Option<Witness>,
 }
 
 impl Ready {
+    /// Says what became of a virtual robot with weight.
+    fn describe_weight(&self, report: &mut LiveReport) {
+        if let Some(witness) = &self.witness {
+            play::describe_weight(&mut report.run, &self.connection, witness);
+        }
+    }
+
     fn follow(
         &mut self,
         newest: &mut control::mirror::Source<'_>,
@@ -161,7 +178,7 @@ impl Ready {
         observer: &dyn Observer,
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
-        let Self { connection, found, settings } = self;
+        let Self { connection, found, settings, .. } = self;
         let ready = follow::Ready { connection, found, settings: *settings, pace: 1.0 };
         ready.follow(newest, recorder, None, observer, report)
     }
@@ -193,9 +210,11 @@ impl Job<'_> {
         run.cycle_hz = rate_hz;
         let settings = Settings::at_rate(rate_hz);
         let mut connection = connect(robot, &order.buses, order.seed)?;
+        let witness = order.physics.then(|| play::give_weight(&connection, order.hangs));
+        let witness = witness.transpose()?;
         let found = look(order, &mut connection, settings)?;
         run.describe_preflight(&found);
-        Ok(Some(Ready { connection, found, settings }))
+        Ok(Some(Ready { connection, found, settings, witness }))
     }
 
     /// Follows a capture or actions that somebody performs now.
@@ -223,7 +242,7 @@ impl Job<'_> {
         let robot = ready.connection.link.robot().clone();
         let model = robot_model(&robot)?;
         let settings = retarget::Settings::default();
-        let mut online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
+        let online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
         self.report.run.trunk_lean_lost = retarget::trunk_lean_lost(&capture, &model);
         let lean = self.report.run.trunk_lean_lost;
         self.report.run.notes.extend(lean.and_then(retarget::TrunkLean::note));
@@ -232,21 +251,32 @@ impl Job<'_> {
             self.report.run.outcome = Outcome::Done;
             return Ok(());
         }
+        let body = FollowingBody::of(&robot, &model, &capture.tracked, self.order.hangs)?;
+        let adjusting = body.as_ref().map(FollowingBody::adjusting);
+        let here_rad = &ready.found.start_rad;
+        let adjuster = body.as_ref().zip(adjusting.as_ref());
+        let adjuster = adjuster.map(|(body, of)| body.adjuster(of, here_rad));
+        let mut onto = OntoRobot::new(&model, online, adjuster);
         let longest_s = self.order.time.map(|time| time.as_secs_f64());
         let mut performer = Performer::new(capture, longest_s);
         let mut trend = Trend::default();
         let mut began: Option<Instant> = None;
         let mut before_s: Option<f64> = None;
-        let mut newest = move |now: Instant, approaching: bool| {
+        let mut newest = |now: Instant, approaching: bool| {
             let now_s = now.seconds_since(*began.get_or_insert(now));
-            let Some(pose) = performer.pose(now_s, approaching) else { return Input::End };
+            let approaching = approaching || onto.is_late() && !performer.has_begun();
+            let waits = onto.is_late() || onto.is_stepping();
+            let Some(pose) = performer.pose(now_s, approaching, waits) else { return Input::End };
             let dt_s = before_s.map_or(0.0, |before_s| now_s - before_s);
             before_s = Some(now_s);
-            trend.push(now_s, online.pose(&pose, dt_s));
+            trend.push(now_s, &onto.pose(&pose, dt_s, approaching));
             trend.target(now_s).map_or(Input::Nothing, Input::Pose)
         };
         let mut recorder = self.recorder(&ready.connection)?;
-        match ready.follow(&mut newest, &mut recorder, self.observer, &mut self.report) {
+        let followed = ready.follow(&mut newest, &mut recorder, self.observer, &mut self.report);
+        self.report.describe_feet(&onto);
+        ready.describe_weight(&mut self.report);
+        match followed {
             Ok(true) => recorder.finish(&mut self.report.run, &ready.connection),
             other => {
                 recorder.discard();

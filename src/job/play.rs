@@ -340,7 +340,7 @@ pub(super) fn play_on(
 }
 
 /// The virtual robot of this process gets weight.
-fn give_weight(connection: &Connection, hangs: bool) -> Result<Witness, Error> {
+pub(super) fn give_weight(connection: &Connection, hangs: bool) -> Result<Witness, Error> {
     let world = connection.world.as_ref().ok_or_else(|| {
         Error::new("only a virtual robot of this process is given weight")
             .at("--physics")
@@ -363,7 +363,7 @@ fn befall(connection: &Connection, script: &Path) -> Result<(), Error> {
 const MEETINGS_TOLD: usize = 3;
 
 /// Says whether a robot with weight fell, in the motion or within a second after it.
-fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &Witness) {
+pub(super) fn describe_weight(report: &mut PlayReport, connection: &Connection, witness: &Witness) {
     if let Some(world) = connection.world.as_ref().filter(|_| !connection.real_time) {
         let mut world = world.lock();
         let after_ns = world.now_ns() + LOOKED_AFTER_NS;

@@ -117,6 +117,8 @@ fn of_wearer(
         record: None,
         replace: order.what.replace,
         accept_firmware: false,
+        hangs: false,
+        physics: false,
         dry_run: true,
         recognise: true,
         models: order.what.models.clone(),

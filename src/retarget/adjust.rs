@@ -27,8 +27,10 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
+mod online;
 mod weight;
 
+pub use online::{Adjuster, Lifts};
 pub use weight::{Pace, is_steady, stays, steady, survives};
 
 /// How far apart links are kept, m.
@@ -301,6 +303,8 @@ struct Stance {
     stands: Vec<[bool; 2]>,
     /// Where the centre of mass is to be.
     goals: Vec<Option<weight::Goal>>,
+    /// How high the left and the right foot are over one that stands, or are at least in the air, m.
+    lift_m: [f64; 2],
 }
 
 /// Normal equations of one pose.
@@ -475,6 +479,7 @@ impl<'a> Solver<'a> {
         Stance {
             stands: nodes.iter().map(|at| [planted[0][*at], planted[1][*at]]).collect(),
             goals: Vec::new(),
+            lift_m: [0.0; 2],
             planted: nodes.iter().map(|at| [weights[0][*at], weights[1][*at]]).collect(),
             up: nodes.iter().map(|at| footfalls[*at].up).collect(),
             held: (0..nodes.len()).map(nearest).collect(),
@@ -698,13 +703,17 @@ impl Clip<'_> {
             };
             if let Some((run, share)) = held {
                 let weight = (STANCE_WEIGHT * share).powi(2);
-                pull(axes[2], found.z, weight);
+                pull(axes[2], found.z - (stance.lift_m[1] - stance.lift_m[0]), weight);
                 if let Some(place) = stance.both[run].1.get(at) {
                     pull(axes[0], found.x - place[0], weight);
                     pull(axes[1], found.y - place[1], weight);
                 }
-            } else if found.z < 0.0 && planted[first] > 0.0 {
-                pull(axes[2], found.z, (STANCE_WEIGHT * planted[first]).powi(2));
+            } else if found.z < stance.lift_m[second] && planted[first] > 0.0 {
+                pull(
+                    axes[2],
+                    found.z - stance.lift_m[second],
+                    (STANCE_WEIGHT * planted[first]).powi(2),
+                );
             }
         }
     }

@@ -1,11 +1,13 @@
 //! What `live` tells beyond what every run tells.
 
+use super::onto_robot::{self, OntoRobot};
 use super::when::AnswersReport;
 use crate::body::segment_name;
 use crate::body::{Dof, JointAngles, Segment};
 use crate::control::{Mirror, Settings};
 use crate::job::recognised::RecognisedAction;
 use crate::job::report::PlayReport;
+use crate::retarget::adjust::Lifts;
 use crate::sensing::{Guided, SourceReport};
 use crate::time::Utc;
 use serde::Serialize;
@@ -57,6 +59,9 @@ pub struct LiveReport {
     pub body: Option<BodyReport>,
     /// What came from each sensor.
     pub sensors: Vec<SourceReport>,
+    /// How often a robot on its own feet lifted one, and did not although the person did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feet: Option<Lifts>,
     /// How often a joint of a leader leapt for a single reading, which was not followed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leaps: Option<u64>,
@@ -181,6 +186,7 @@ impl LiveReport {
             stale_s: 0.0,
             body: None,
             sensors: Vec::new(),
+            feet: None,
             leaps: None,
             angles_rad: None,
             events: None,
@@ -206,11 +212,21 @@ impl LiveReport {
             }),
             (one, other) => one.or(other),
         };
+        if let (Some(all), Some(later)) = (&mut self.feet, later.feet) {
+            all.lifted += later.lifted;
+            all.kept_down += later.kept_down;
+        }
         self.approaching_s += later.approaching_s;
         self.following_s += later.following_s;
         self.stale_s += later.stale_s;
         self.run.take_up(later.run);
         self.run.approach_s = self.approaching_s;
+    }
+
+    /// Takes what became of the feet.
+    pub(super) fn describe_feet(&mut self, onto: &OntoRobot<'_>) {
+        self.feet = onto.lifts();
+        self.run.notes.extend(self.feet.and_then(onto_robot::note));
     }
 
     /// Takes the follower's figures.

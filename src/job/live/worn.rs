@@ -2,6 +2,7 @@
 
 use super::lost::{self, Lost};
 use super::naming::{HowNamed, LiveWord, NamedBody, Naming, PosedNow};
+use super::onto_robot::{FollowingBody, OntoRobot};
 use super::report::{self, BodyReport, LiveReport};
 use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
 use super::{Job, Ready, look};
@@ -376,7 +377,9 @@ impl Job<'_> {
         mut ready: Ready,
         mut recorder: RunRecorder,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
-        match self.followed(body, &mut ready, &mut recorder) {
+        let followed = self.followed(body, &mut ready, &mut recorder);
+        ready.describe_weight(&mut self.report);
+        match followed {
             Ok(true) => Ok(Some((recorder, ready))),
             other => {
                 recorder.discard();
@@ -465,7 +468,7 @@ impl Job<'_> {
         let settings = retarget::Settings::default();
         let worn = body.wearing.worn();
         let model = robot_model(&robot)?;
-        let mut online = Online::new(&model, &worn, &ready.found.start_rad, &settings)?;
+        let online = Online::new(&model, &worn, &ready.found.start_rad, &settings)?;
         let both = [Segment::Pelvis, Segment::Torso].iter().all(|segment| worn[segment.index()]);
         if both && model.lacks_waist() {
             let note = "the robot has no waist joint: it does not show how the trunk leans against the \
@@ -473,6 +476,12 @@ impl Job<'_> {
             report.run.notes.push(note.to_owned());
         }
         report.run.notes.extend(online.notes().iter().cloned());
+        let following = FollowingBody::of(&robot, &model, &worn, self.order.hangs)?;
+        let adjusting = following.as_ref().map(FollowingBody::adjusting);
+        let adjuster = following.as_ref().zip(adjusting.as_ref());
+        let adjuster =
+            adjuster.map(|(following, of)| following.adjuster(of, &ready.found.start_rad));
+        let mut onto = OntoRobot::new(&model, online, adjuster);
         let mut trend = Trend::default();
         let of_limbs = WornLimb::ALL.map(|limb| lost::joints(&model, limb));
         let mut newest = |now: Instant, approaching: bool| {
@@ -480,11 +489,13 @@ impl Job<'_> {
                 return Input::End;
             }
             let Some((moment, oldest_s, dt_s)) = body.moment(now) else { return Input::Nothing };
-            trend.push(oldest_s, online.pose(&moment.pose, dt_s));
+            trend.push(oldest_s, &onto.pose(&moment.pose, dt_s, approaching));
             let Some(target) = trend.target(body.seconds(now)) else { return Input::Nothing };
             Input::Pose(Target { careful: body.careful(&of_limbs), ..target })
         };
-        ready.follow(&mut newest, recorder, self.observer, report)
+        let followed = ready.follow(&mut newest, recorder, self.observer, report);
+        report.describe_feet(&onto);
+        followed
     }
 
     /// Shows the angles of the body until it is to end.
@@ -539,7 +550,7 @@ fn answer(
     run: &mut PlayReport,
 ) -> Result<(), Error> {
     ready.found = look(job.order, &mut ready.connection, ready.settings)?;
-    let Ready { connection, found, settings } = ready;
+    let Ready { connection, found, settings, .. } = ready;
     let motion = &body.answers.list[call.answer].motion;
     let options = play::Options::default();
     let prepared = play::prepare(connection, found, motion, &options, job.observer, run)?;

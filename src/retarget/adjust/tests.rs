@@ -3,14 +3,14 @@ use core::f64::consts::PI;
 
 const RATE_HZ: f64 = 100.0;
 
-struct Op3 {
-    body: RobotBody,
+pub(super) struct Op3 {
+    pub(super) body: RobotBody,
     names: Vec<String>,
-    limits_rad: Vec<(f64, f64)>,
-    start_rad: Vec<f64>,
+    pub(super) limits_rad: Vec<(f64, f64)>,
+    pub(super) start_rad: Vec<f64>,
 }
 
-fn op3() -> Op3 {
+pub(super) fn op3() -> Op3 {
     let file = gaitway_profiles::robot("op3").expect("shipped");
     let body = RobotBody::of(&file).expect("a body").expect("it has one");
     let limit = |joint: &gaitway_profiles::Joint| (joint.lower_rad, joint.upper_rad);
@@ -23,7 +23,7 @@ fn op3() -> Op3 {
 }
 
 impl Op3 {
-    fn joint(&self, name: &str) -> usize {
+    pub(super) fn joint(&self, name: &str) -> usize {
         self.names.iter().position(|known| known == name).expect("a joint")
     }
 
@@ -42,7 +42,7 @@ impl Op3 {
         series
     }
 
-    fn adjusting<'a>(&'a self, free: &'a [bool]) -> Adjusting<'a> {
+    pub(super) fn adjusting<'a>(&'a self, free: &'a [bool]) -> Adjusting<'a> {
         Adjusting {
             body: &self.body,
             start_rad: &self.start_rad,
@@ -66,7 +66,7 @@ impl Op3 {
         (moved, told)
     }
 
-    fn depths_m(&self, angles_rad: &[Vec<f64>]) -> Vec<f64> {
+    pub(super) fn depths_m(&self, angles_rad: &[Vec<f64>]) -> Vec<f64> {
         let inside = SelfContact::of(&self.body, &self.start_rad);
         let pose = |at: usize| angles_rad.iter().map(|series| series[at]).collect::<Vec<f64>>();
         let placed = |at| self.body.tree.place(Placement::IDENTITY, &self.body.angles(&pose(at)));

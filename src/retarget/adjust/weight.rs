@@ -96,8 +96,10 @@ impl Foothold {
 /// Where the centre is to be at a node, as a foot that stands sees it.
 #[derive(Clone, Copy)]
 pub(super) struct Goal {
-    side: usize,
-    at_m: DVec2,
+    pub(super) side: usize,
+    pub(super) at_m: DVec2,
+    /// What it counts not to be there, 1/m.
+    pub(super) weight: f64,
 }
 
 /// A node of the plan.
@@ -149,7 +151,8 @@ impl Stance {
             }
             for (i, to_m) in plan(points).into_iter().enumerate() {
                 let Point { side, foothold, .. } = points[i];
-                self.goals[*first + i] = Some(Goal { side, at_m: foothold.own(to_m) });
+                self.goals[*first + i] =
+                    Some(Goal { side, at_m: foothold.own(to_m), weight: FOLLOWS });
             }
         }
     }
@@ -637,13 +640,13 @@ impl Clip<'_> {
             }
             // As carried along by the foot it does not move.
             self.velocity(row, placed, frame.link, centre_m, -axis);
-            normal.add(row, axis.dot(away) - goal_m, FOLLOWS * FOLLOWS);
+            normal.add(row, axis.dot(away) - goal_m, goal.weight * goal.weight);
         }
     }
 }
 
 /// What a sole reaches forward and aside from its middle, m.
-fn half_m(sole: &StandingSole) -> DVec2 {
+pub(super) fn half_m(sole: &StandingSole) -> DVec2 {
     let frame = Solver::frame(sole);
     let reach = |axis: DVec3| {
         let along = sole.corners_m.iter().map(|corner| axis.dot(*corner - frame.at_m).abs());
