@@ -235,9 +235,35 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     assert!(body_deg < 6.0, "{body_deg}");
     assert!(robot_deg < 8.0, "{robot_deg}");
 
+    swapped_legs_end_it_unless_that_is_insisted_on(&folder);
     take_up_what_was_kept(&folder);
     whom_it_followed_stands_beside_it(&folder);
     the_recording_knows_its_wearer(&folder);
+}
+
+/// Of the same walk it is said that each shank wears the other's sensor: N and T pose cannot tell, the walk does.
+fn swapped_legs_end_it_unless_that_is_insisted_on(folder: &Path) {
+    let again = |more: &str| {
+        let output = gaitway(folder)
+            .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+            .args(words("--wear left_shank=right_shank right_shank=left_shank --json"))
+            .args(words(more))
+            .output()
+            .expect("runs");
+        (json(&output), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (report, said) = again("");
+    assert_eq!(report["stop"]["code"], "sensors-swapped", "{report}");
+    assert_eq!(report["outcome"], "stopped");
+    assert_eq!(report["referee"]["violations"], serde_json::json!([]));
+    let named = "the left thigh swings with the right shank";
+    for told in [&report["stop_reason"], &report["body"]["doubts"][0]] {
+        assert!(told.as_str().is_some_and(|told| told.contains(named)), "{report}");
+    }
+    assert!(said.contains(named), "{said}");
+    let (report, said) = again("--despite-swaps");
+    assert_eq!(report["outcome"], "done", "{report}");
+    assert!(said.contains(named) && report["body"]["doubts"][0].is_string(), "{said}");
 }
 
 /// The page of the recording has the robot and, in its time, whoever wore the sensors: the knee of the page bends when the
