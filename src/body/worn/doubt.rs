@@ -5,7 +5,7 @@
 //! - It turns, or begins to turn, faster than that segment of anybody in 81 captures of walking, dancing, fighting and falling did.
 //! - A joint would be turned further than a joint goes: a knee or an elbow bent the wrong way, a limb turned about its own length
 //!   against the one above; or a shank about its own length by 25 degrees more than it was against its thigh until now.
-//! - What it measures of gravity is not down, and not what the others measure ([`super::down`]).
+//! - What it measures of gravity is not down, and not what the others measure.
 //!
 //! It is taken up again when it has said nothing of that kind for half a second. After an impossible turn its heading means
 //! nothing any more, and the segment is taken to face as it did.
