@@ -435,6 +435,14 @@ fn a_recording_that_does_not_know_how_it_was_worn_is_a_table_of_samples_or_needs
     let bowed = table(&folder.join("told.csv"));
     let most = bowed.angles.iter().map(|row| row[Dof::TorsoFlexion]).fold(0.0, f64::max);
     assert!(most > 0.3, "{most}");
+    // Or who wore them, and when somebody stood in N pose.
+    std::fs::write(folder.join("wear.toml"), "[segments]\ntorso = \"torso\"\n").expect("written");
+    let worn = ["convert", "bow.mcap", "worn.csv", "--wear", "wear.toml", "--n-pose", "1.5,4.5"];
+    let worn = gaitway(&folder, &worn);
+    assert!(worn.status.success(), "{worn:?}");
+    let bowed = table(&folder.join("worn.csv"));
+    let again = bowed.angles.iter().map(|row| row[Dof::TorsoFlexion]).fold(0.0, f64::max);
+    assert!((again - most).abs() < 0.1, "{again} {most}");
     let nonsense =
         gaitway(&folder, &["convert", "bow.mcap", "x.csv", "--calibration-body", "bow.mcap"]);
     assert_eq!(nonsense.status.code(), Some(1));

@@ -92,10 +92,6 @@ impl Truth {
         let person = Person::new(&capture, stand_s).expect("performed");
         Self { poses: person.poses().to_vec(), motion_at_s: person.motion_at_s() }
     }
-
-    fn at(&self, time_s: f64) -> &SegmentPose {
-        &self.poses[((time_s * RATE_HZ).round().max(0.0) as usize).min(self.poses.len() - 1)]
-    }
 }
 
 fn rms_deg(squares: f64, count: usize) -> f64 {
@@ -103,7 +99,8 @@ fn rms_deg(squares: f64, count: usize) -> f64 {
 }
 
 /// Joint angles from the recorded orientations and the kept calibration against the truth, from the
-/// beginning of the motion on, deg.
+/// beginning of the motion on, deg, at the delay that fits best: on a busy machine the first sample is read some time after the
+/// person began.
 fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
     let text = std::fs::read_to_string(calibration).expect("kept");
     let kept = Kept::parse(&text).expect("a calibration");
@@ -115,7 +112,7 @@ fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
         .map(|(sensor, mount)| (sensor.clone(), mount.segment))
         .collect();
     let mut said = [None; 13];
-    let (mut squares, mut count, mut before_s) = (0.0, 0, 0.0);
+    let (mut found, mut before_s) = (Vec::new(), 0.0);
     for sample in read_orientations(recording).expect("recorded") {
         let Some((_, segment)) = segments.iter().find(|(name, _)| **name == *sample.sensor) else {
             continue;
@@ -131,14 +128,21 @@ fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
         if taken_s < truth.motion_at_s {
             continue;
         }
-        let wanted = JointAngles::of_pose(truth.at(taken_s)).angles;
-        for dof in Dof::ALL {
-            squares += (moment.measured.angles[dof] - wanted[dof]).powi(2);
-            count += 1;
-        }
+        found.push((taken_s, moment.measured.angles));
     }
-    assert!(count > 1000, "{count}");
-    rms_deg(squares, count)
+    assert!(found.len() > 100, "{}", found.len());
+    let wanted: Vec<JointAngles> =
+        truth.poses.iter().map(|pose| JointAngles::of_pose(pose).angles).collect();
+    let error = |late_s: f64| {
+        let mut squares = 0.0;
+        for (taken_s, angles) in &found {
+            let at = (((taken_s + late_s) * RATE_HZ).round() as usize).min(wanted.len() - 1);
+            squares +=
+                Dof::ALL.map(|dof| (angles[dof] - wanted[at][dof]).powi(2)).iter().sum::<f64>();
+        }
+        rms_deg(squares, found.len() * Dof::ALL.len())
+    };
+    (0..50).map(|n| error(f64::from(n) * 0.01)).fold(f64::INFINITY, f64::min)
 }
 
 /// What the robot did during the motion against what it was to do, at the delay that fits best, deg.
@@ -232,12 +236,38 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     println!("again: joints of the body {body_deg:.2} deg RMSE, robot {robot_deg:.2} deg RMSE");
     strides_are_named(&again, &folder.join("again.mcap"));
     assert!(kept.exists());
-    assert!(body_deg < 6.0, "{body_deg}");
+    assert!(body_deg < 3.0, "{body_deg}");
     assert!(robot_deg < 8.0, "{robot_deg}");
 
+    swapped_legs_end_it_unless_that_is_insisted_on(&folder);
     take_up_what_was_kept(&folder);
     whom_it_followed_stands_beside_it(&folder);
     the_recording_knows_its_wearer(&folder);
+}
+
+/// Of the same walk it is said that each shank wears the other's sensor: N and T pose cannot tell, the walk does.
+fn swapped_legs_end_it_unless_that_is_insisted_on(folder: &Path) {
+    let again = |more: &str| {
+        let output = gaitway(folder)
+            .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+            .args(words("--wear left_shank=right_shank right_shank=left_shank --json"))
+            .args(words(more))
+            .output()
+            .expect("runs");
+        (json(&output), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (report, said) = again("");
+    assert_eq!(report["stop"]["code"], "sensors-swapped", "{report}");
+    assert_eq!(report["outcome"], "stopped");
+    assert_eq!(report["referee"]["violations"], serde_json::json!([]));
+    let named = "the left thigh swings with the right shank";
+    for told in [&report["stop_reason"], &report["body"]["doubts"][0]] {
+        assert!(told.as_str().is_some_and(|told| told.contains(named)), "{report}");
+    }
+    assert!(said.contains(named), "{said}");
+    let (report, said) = again("--despite-swaps");
+    assert_eq!(report["outcome"], "done", "{report}");
+    assert!(said.contains(named) && report["body"]["doubts"][0].is_string(), "{said}");
 }
 
 /// The page of the recording has the robot and, in its time, whoever wore the sensors: the knee of the page bends when the

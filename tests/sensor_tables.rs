@@ -172,7 +172,35 @@ fn declared_sensors_become_the_joint_angles_of_whoever_wore_them() {
         let last = hip.last().expect("a row").to_degrees();
         assert!(last.abs() < 1.5, "{fuse}: {last}");
     }
-    let (from, declared) = (place("leg.csv"), place("leg.toml"));
+    // Who wears them may stand in a file of its own, and when they stand may be typed.
+    let (from, declared, out) = (place("leg.csv"), place("leg.toml"), place("six-axes.csv"));
+    let unworn: Vec<&str> = WORN
+        .lines()
+        .filter(|line| !["n_pose_s", "segment", "forward"].iter().any(|key| line.starts_with(key)))
+        .collect();
+    fs::write(place("unworn.toml"), unworn.join("\n")).expect("written");
+    let wear = "forward = \"x\"\n[segments]\npelvis = \"hips\"\nleft_thigh = \"leg\"\n";
+    fs::write(place("wear.toml"), wear).expect("written");
+    fs::write(place("other.toml"), "[segments]\npelvis = \"nobody\"\n").expect("written");
+    let (again, unworn, wear) = (place("worn.csv"), place("unworn.toml"), place("wear.toml"));
+    let options = ["--sensors", &unworn, "--wear", &wear, "--n-pose", "2,5"];
+    let done = gaitway().args(["convert", &from, &again]).args(options).output().expect("it runs");
+    assert!(done.status.success(), "{}", words(&done));
+    assert_eq!(fs::read(&again).expect("a table"), fs::read(&out).expect("a table"));
+    let other = place("other.toml");
+    for (options, said) in [
+        (["--wear", &wear].as_slice(), "when somebody stands in N pose is not declared"),
+        (&["--wear", &other, "--n-pose", "2,5"], "a sensor that is worn did not say anything"),
+        (&["--wear", &unworn, "--n-pose", "2,5"], "the file does not say what is worn"),
+        (&["--wear", &wear, "--n-pose", "5,2"], "not a stretch of time"),
+    ] {
+        let refused = gaitway()
+            .args(["convert", &from, &place("no.csv"), "--sensors", &unworn])
+            .args(options)
+            .output()
+            .expect("it runs");
+        assert!(!refused.status.success() && words(&refused).contains(said), "{}", words(&refused));
+    }
     for (from, out, options, said) in [
         (&from, "a.csv", vec!["--fuse", "nine-axes"], "is not declared"),
         (&from, "a.xyz", vec!["--sensors", &declared], "ends in .csv, .bvh or .mcap"),

@@ -3,7 +3,7 @@
 mod aloud;
 
 use aloud::aloud;
-use gaitway::body::worn::swaps::swaps_in_legs;
+use gaitway::body::worn::swaps::{SwapWatch, swaps_in_legs};
 use gaitway::body::{Segment, SegmentPose};
 use gaitway::job::source::body_motion;
 use gaitway::mocap::anatomy::Capture;
@@ -110,4 +110,95 @@ fn no_capture_of_people_names_sensors_that_are_where_they_belong_and_walks_name_
     );
     // Somebody who marches on the spot, walks bent over or turns all the time cannot tell.
     assert!(walks >= 10 && found.iter().all(|found| *found * 2 >= walks), "{found:?} of {walks}");
+}
+
+/// What is named of poses that come one by one, and when, s.
+fn named_live(poses: &[SegmentPose], rate_hz: f64) -> Vec<(f64, String)> {
+    let mut watch = SwapWatch::default();
+    let mut found = Vec::new();
+    for (n, pose) in poses.iter().enumerate() {
+        let said = watch.take(pose, &[true; 13], 1.0 / rate_hz);
+        found.extend(said.into_iter().map(|said| (n as f64 / rate_hz, said)));
+    }
+    found
+}
+
+/// At a hundred poses a second, the same again and again for so long.
+fn for_seconds(capture: &Capture, lasts_s: f64) -> Vec<SegmentPose> {
+    let length_s = capture.poses.len() as f64 / capture.rate_hz;
+    (0..(lasts_s * 100.0) as u32).map(|n| capture.at((f64::from(n) / 100.0) % length_s)).collect()
+}
+
+#[test]
+fn who_walks_on_is_named_within_seconds_and_once_and_whoever_wears_them_rightly_never() {
+    for motion in ["walk:20s", "run:20s"] {
+        let capture = captured(motion).expect("shipped");
+        for rate_hz in [60.0, 100.0] {
+            let count = (20.0 * rate_hz) as u32;
+            let poses: Vec<_> = (0..count).map(|n| capture.at(f64::from(n) / rate_hz)).collect();
+            assert!(named_live(&poses, rate_hz).is_empty(), "{motion}");
+            for (one, other, words) in SWAPS {
+                let said = named_live(&swapped(&poses, one, other), rate_hz);
+                assert_eq!(said.len(), 1, "{motion}, {one:?}: {said:?}");
+                assert!(said[0].1.contains(words) && said[0].0 < 8.0, "{motion}: {said:?}");
+            }
+        }
+        // Whose legs say nothing for a while every second is never looked at for long enough.
+        let mut watch = SwapWatch::default();
+        for (n, pose) in
+            swapped(&for_seconds(&capture, 20.0), SWAPS[0].0, SWAPS[0].1).iter().enumerate()
+        {
+            let mut measured = [true; 13];
+            measured[Segment::LeftShank.index()] = n % 100 > 20;
+            assert!(watch.take(pose, &measured, 0.01).is_empty());
+        }
+    }
+}
+
+#[test]
+fn no_capture_is_named_by_mistake_as_it_goes_on_and_swapped_walks_are_and_what_it_takes_is_printed()
+{
+    let Ok(captures) = std::env::var("GAITWAY_CAPTURES") else {
+        aloud!("SKIPPED: GAITWAY_CAPTURES names no captures");
+        return;
+    };
+    let mut files = Vec::new();
+    bvh_files(Path::new(&captures), &mut files);
+    files.sort();
+    let (mut walks, mut times_s, mut looked) = (0, [const { Vec::new() }; 4], 0);
+    let began = std::time::Instant::now();
+    for file in &files {
+        let Some(capture) = captured(&file.display().to_string()) else { continue };
+        let lasts_s = capture.poses.len() as f64 / capture.rate_hz;
+        let poses = for_seconds(&capture, lasts_s.max(20.0));
+        looked += poses.len();
+        let said = named_live(&poses, 100.0);
+        assert!(said.is_empty(), "{}: {said:?}", file.display());
+        let name = file.file_name().expect("a name").to_string_lossy().to_lowercase();
+        if lasts_s < 4.0 || !(name.contains("walk") || name.contains("run")) {
+            continue;
+        }
+        walks += 1;
+        for (n, (one, other, words)) in SWAPS.into_iter().enumerate() {
+            let said = named_live(&swapped(&poses, one, other), 100.0);
+            looked += poses.len();
+            times_s[n]
+                .extend(said.iter().filter(|(_, said)| said.contains(words)).map(|said| said.0));
+        }
+    }
+    let told = times_s.each_mut().map(|times_s| {
+        times_s.sort_by(f64::total_cmp);
+        let (middle, last) = (times_s.get(times_s.len() / 2), times_s.last());
+        (times_s.len(), middle.copied().unwrap_or(0.0), last.copied().unwrap_or(0.0))
+    });
+    println!(
+        "of {walks} walks and runs, played for 20 s, swapped shanks, thighs, left and right leg are named (how many, after how \
+         many seconds: half of them, the last): {told:?}; {:.4} ms a cycle with the reading of the files",
+        began.elapsed().as_secs_f64() * 1e3 / looked as f64
+    );
+    assert!(
+        walks >= 10 && told.iter().all(|(count, ..)| count * 2 >= walks),
+        "{told:?} of {walks}"
+    );
+    assert!(told.iter().all(|(_, half_s, _)| *half_s < 10.0), "{told:?}");
 }

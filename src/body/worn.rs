@@ -16,6 +16,7 @@ pub mod calibrate;
 pub mod check;
 mod constraint;
 pub mod doubt;
+mod down;
 pub mod kept;
 pub mod limb;
 pub mod strap;
@@ -305,6 +306,13 @@ impl Wearing {
             next = one.parent();
         }
         false
+    }
+
+    /// A vector of the world of a segment's sensor, in ours.
+    #[must_use]
+    pub fn in_world(&self, segment: Segment, vector: DVec3) -> Option<DVec3> {
+        let mount = self.mounts[segment.index()].as_ref()?;
+        Some(DQuat::from_rotation_z(self.heading_rad(mount)) * vector)
     }
 
     /// Where the sensors put the body, those that are doubted as well.

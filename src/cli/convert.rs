@@ -12,7 +12,9 @@ use crate::job::labels::{self, LabelsOrder, label_kind};
 use crate::job::markers::{self, MarkersOrder};
 use crate::job::report::counted;
 use crate::job::scene_file::{SceneOrder, write_scene};
-use crate::job::sensors::{Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors};
+use crate::job::sensors::{
+    Mode, SensorsOrder, convert as convert_sensors, is_table_of_sensors, span,
+};
 use crate::job::source::{CaptureOptions, FileKind, file_kind};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -51,6 +53,13 @@ pub struct ConvertArgs {
     /// and segments of a recording's sensors (TOML)
     #[arg(long, value_name = "FILE.toml")]
     sensors: Option<PathBuf>,
+    /// Who wears which sensor and which way, in place of what is recorded or declared: a file as `live --wear` reads it. Needs a time
+    /// in N pose
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "calibration_body")]
+    wear: Option<PathBuf>,
+    /// When somebody stands in N pose, s from the first sample, such as 0,4
+    #[arg(long, value_name = "FROM,TO", value_parser = span, conflicts_with = "calibration_body")]
+    n_pose: Option<[f64; 2]>,
     /// Find orientations anew from raw samples: six-axes, or nine-axes with the magnetic field
     #[arg(long, value_name = "HOW", value_parser = fusing)]
     fuse: Option<Mode>,
@@ -61,7 +70,7 @@ pub struct ConvertArgs {
     #[arg(long, conflicts_with = "calibration_body")]
     samples: bool,
     /// What a page would show, as messages that Foxglove and rerun draw (OUT.mcap)
-    #[arg(long, conflicts_with_all = ["samples", "calibration_body", "mapping", "stature", "sensors", "fuse", "clips"])]
+    #[arg(long, conflicts_with_all = ["samples", "calibration_body", "mapping", "stature", "sensors", "wear", "n_pose", "fuse", "clips"])]
     scene: bool,
     /// Overwrite the file if it exists
     #[arg(long)]
@@ -86,7 +95,8 @@ pub fn run(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
             "labels: a table with columns file and class, or TRIAL/ACTION.txt",
         ));
     }
-    let of_sensors = args.sensors.is_some() || args.fuse.is_some();
+    let is_worn = args.wear.is_some() || args.n_pose.is_some();
+    let of_sensors = args.sensors.is_some() || args.fuse.is_some() || is_worn;
     if of_sensors || is_table_of_sensors(&args.file) {
         return sensors(args, remarks);
     }
@@ -164,6 +174,8 @@ fn sensors(args: &ConvertArgs, remarks: Remarks) -> Result<i32, Error> {
     let report = convert_sensors(&SensorsOrder {
         sensors: args.file.clone(),
         declared: args.sensors.clone(),
+        wear: args.wear.clone(),
+        n_pose_s: args.n_pose,
         fuse: args.fuse,
         calibration: args.calibration_body.clone(),
         rate_hz: args.rate.unwrap_or(USUAL_HZ),

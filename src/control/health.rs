@@ -221,6 +221,8 @@ pub enum StopCode {
     LineLost,
     /// A sensor that was followed is gone.
     SensorLost,
+    /// Sensors that are followed seem to be swapped.
+    SensorsSwapped,
     /// What makes the goals broke: a function of the user's own.
     SourceBroke,
     /// The robot lies, or will.
@@ -231,7 +233,7 @@ pub enum StopCode {
 
 impl StopCode {
     /// All kinds.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::Asked,
         Self::Silent,
         Self::Late,
@@ -245,6 +247,7 @@ impl StopCode {
         Self::Broke,
         Self::LineLost,
         Self::SensorLost,
+        Self::SensorsSwapped,
         Self::SourceBroke,
         Self::Fell,
         Self::FeelsNothing,
@@ -267,6 +270,7 @@ impl fmt::Display for StopCode {
             Self::Broke => "broke",
             Self::LineLost => "line-lost",
             Self::SensorLost => "sensor-lost",
+            Self::SensorsSwapped => "sensors-swapped",
             Self::SourceBroke => "source-broke",
             Self::Fell => "fell",
             Self::FeelsNothing => "feels-nothing",

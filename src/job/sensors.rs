@@ -11,6 +11,7 @@ use crate::draft;
 use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::opensim;
 use crate::recording::{self, SensorMoment, SensorSeries};
+use crate::sensing::Wear;
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::files::BODY_KEY;
 use crate::session::tables::{self, DeclaredSensors};
@@ -33,6 +34,10 @@ pub struct SensorsOrder {
     pub sensors: PathBuf,
     /// What the columns are, how axes lie, how sensors were worn (TOML).
     pub declared: Option<PathBuf>,
+    /// Who wears which sensor, in place of what is declared: a file, as `live --wear` reads it.
+    pub wear: Option<PathBuf>,
+    /// Somebody stands in N pose from one time to another, s since the first sample, in place of what is declared.
+    pub n_pose_s: Option<[f64; 2]>,
     /// Orientations are found anew from raw samples.
     pub fuse: Option<Mode>,
     /// How the sensors were worn, in place of what is declared or recorded.
@@ -45,6 +50,23 @@ pub struct SensorsOrder {
     pub file: PathBuf,
     /// It may replace one that is there.
     pub replace: bool,
+}
+
+/// Reads when somebody stands in N pose: `FROM,TO`, s.
+///
+/// # Errors
+/// Anything else.
+pub fn span(text: &str) -> Result<[f64; 2], Error> {
+    let (from, to) = text.split_once(',').unwrap_or_default();
+    let second =
+        |text: &str| text.trim().parse::<f64>().ok().filter(|s| s.is_finite() && *s >= 0.0);
+    let span = second(from).zip(second(to)).filter(|(from_s, to_s)| from_s < to_s);
+    let (from_s, to_s) = span.ok_or_else(|| {
+        Error::of(ErrorKind::Malformed, "not a stretch of time")
+            .got(text)
+            .allowed("FROM,TO in seconds, such as 0,4")
+    })?;
+    Ok([from_s, to_s])
 }
 
 /// What came of it.
@@ -93,8 +115,15 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
             .allowed("a file that ends in .csv, .bvh or .mcap"));
     }
     let in_file = |error: Error| error.in_file(&order.sensors);
-    let declared = declaration(order.declared.as_deref())?;
+    let mut declared = declaration(order.declared.as_deref())?;
     let (mut series, metadata) = read(order, &declared)?;
+    if let Some(path) = &order.wear {
+        let wear = Wear::of(Vec::new(), &[path.display().to_string()])?;
+        let names = wear.places.iter().map(|place| place.sensor.as_str());
+        declared.wear(names.zip(wear.worn()));
+    }
+    order.n_pose_s.into_iter().for_each(|from_to_s| declared.stands_in_n_pose(from_to_s));
+    tables::check_worn(&series, &declared).map_err(in_file)?;
     let fused = tables::fuse(&mut series, &declared, order.fuse).map_err(in_file)?;
     let samples = series.sensors.iter().map(|(name, said)| (name.clone(), said.len())).collect();
     let kept = kept(order, &series, &declared, &metadata)?;
@@ -321,7 +350,9 @@ fn kept(
         let text = gaitway_profiles::read_text(path)?;
         return Kept::parse(&text).map(Some).map_err(|error| error.in_file(path));
     }
-    if let Some(kept) = tables::calibrated(series, declared)? {
+    let told =
+        tables::calibrated(series, declared).map_err(|error| error.in_file(&order.sensors))?;
+    if let Some(kept) = told {
         return Ok(Some(kept));
     }
     let recorded = metadata.get(BODY_KEY).map(|text| Kept::parse(text));

@@ -23,6 +23,8 @@ pub struct ReplayedSample {
     pub sensor: Arc<str>,
     /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody knew.
     pub orientation: Option<DQuat>,
+    /// What its accelerometer said, in its own axes, m/s^2, if it told angular rate as well.
+    pub acceleration_m_s2: Option<DVec3>,
     /// True if the sensor or its filter had begun anew.
     pub anew: bool,
     /// True if its values stood still: nothing was measured.
@@ -33,6 +35,22 @@ pub struct ReplayedSample {
     pub age: Duration,
 }
 
+/// What is known of a sensor before its next orientation.
+struct Before {
+    sensor: Arc<str>,
+    /// The device began anew.
+    reset: bool,
+    values: Stuck,
+    acceleration_m_s2: Option<DVec3>,
+}
+
+impl Before {
+    fn of(name: &str) -> Self {
+        let (sensor, values) = (name.into(), Stuck::default());
+        Self { sensor, reset: false, values, acceleration_m_s2: None }
+    }
+}
+
 /// Reads the orientations of all sensors, in the order in which they were read.
 ///
 /// # Errors
@@ -41,8 +59,8 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
     let place = || path.display().to_string();
     let file = open(path)?;
     let mut found = Vec::new();
-    // What the sample said before its orientation: whether the device began anew.
-    let mut names: BTreeMap<String, (Arc<str>, bool, Stuck)> = BTreeMap::new();
+    // What the sample said before its orientation.
+    let mut names: BTreeMap<String, Before> = BTreeMap::new();
     scan(BufReader::new(file), |what| {
         let Found::Message { channel, header, body } = what else { return Ok(()) };
         let Some((name, part)) =
@@ -51,9 +69,11 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
             return Ok(());
         };
         if !names.contains_key(name) {
-            names.insert(name.to_owned(), (name.into(), false, Stuck::default()));
+            names.insert(name.to_owned(), Before::of(name));
         }
-        let Some((sensor, reset, values)) = names.get_mut(name) else { return Ok(()) };
+        let Some(Before { sensor, reset, values, acceleration_m_s2 }) = names.get_mut(name) else {
+            return Ok(());
+        };
         let turned = match SensorMessage::read(&channel.encoding, part, body) {
             Some(SensorMessage::Sample(imu, turned)) => {
                 *reset |= imu.order == "reset";
@@ -63,6 +83,8 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
                     magnetic_field_t: imu.magnetic_field.map(DVec3::from),
                     ..SensorSample::default()
                 };
+                *acceleration_m_s2 =
+                    sample.acceleration_m_s2.filter(|_| sample.angular_rate_rad_s.is_some());
                 if values.take(&sample, Instant::from_nanos(header.publish_time)) {
                     let age_ns = header.log_time.saturating_sub(header.publish_time);
                     found.push((
@@ -70,6 +92,7 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
                         ReplayedSample {
                             sensor: Arc::clone(sensor),
                             orientation: None,
+                            acceleration_m_s2: None,
                             anew: false,
                             stuck: true,
                             read: Duration::ZERO,
@@ -89,6 +112,7 @@ pub fn read_orientations(path: &Path) -> Result<VecDeque<ReplayedSample>, Error>
             ReplayedSample {
                 sensor: Arc::clone(sensor),
                 orientation: Some(orientation).filter(|q| turned.settled && q.is_finite()),
+                acceleration_m_s2: acceleration_m_s2.take(),
                 anew: std::mem::take(reset) || !turned.settled,
                 stuck: false,
                 read: Duration::ZERO,

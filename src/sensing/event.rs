@@ -3,7 +3,7 @@
 use crate::capture::{Captured, Order};
 use crate::port::Clock;
 use crate::time::Instant;
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use std::net::SocketAddr;
 use std::sync::Arc;
 
@@ -83,6 +83,8 @@ pub enum Said {
         /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody
         /// knows.
         orientation: Option<DQuat>,
+        /// What its accelerometer said, in its own axes, m/s^2, if the orientation is made of it.
+        acceleration_m_s2: Option<DVec3>,
         /// True if the device or the filter began anew: its heading has nothing to do with the one
         /// before.
         anew: bool,
@@ -126,6 +128,8 @@ impl Said {
         let of_clock = |at| clock.of_system(at);
         let (arrival, taken) = (of_clock(captured.stamp.arrival), of_clock(captured.stamp.taken));
         let (sensor, stuck) = (Arc::clone(sensor), captured.stuck);
-        Self::Sample { sensor, orientation, anew, stuck, arrival, taken }
+        let acceleration_m_s2 =
+            captured.sample.acceleration_m_s2.filter(|_| captured.fused.is_some());
+        Self::Sample { sensor, orientation, acceleration_m_s2, anew, stuck, arrival, taken }
     }
 }

@@ -4,7 +4,7 @@ use super::{Place, Said};
 use crate::body::Segment;
 use crate::recording::ReplayedSample;
 use crate::time::{Duration, Instant};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
@@ -46,6 +46,7 @@ impl Feed {
                 Some(Said::Sample {
                     sensor: sample.sensor,
                     orientation: sample.orientation,
+                    acceleration_m_s2: sample.acceleration_m_s2,
                     anew: sample.anew,
                     stuck: sample.stuck,
                     arrival,
@@ -79,6 +80,8 @@ struct Heard {
     gone: bool,
     samples: u64,
     history: Vec<(Instant, DQuat)>,
+    /// Sum of what was measured since it was asked last, turned into the sensor's world, m/s^2, and of how many samples.
+    forces: (DVec3, u32),
 }
 
 impl Heard {
@@ -147,12 +150,20 @@ impl Sensors {
     pub fn hear(&mut self, now: Instant) {
         while let Some(said) = self.feed.next(now) {
             match said {
-                Said::Sample { sensor, orientation, anew, stuck, taken, .. } => {
+                Said::Sample {
+                    sensor, orientation, acceleration_m_s2, anew, stuck, taken, ..
+                } => {
                     let Some(&at) = self.by_name.get(&*sensor) else {
                         self.others.insert(sensor);
                         continue;
                     };
                     self.take(at, orientation.filter(|_| !stuck), anew, taken);
+                    if let Some((turned, force)) =
+                        orientation.zip(acceleration_m_s2).filter(|_| !stuck)
+                    {
+                        let (sum, count) = &mut self.heard[at].forces;
+                        (*sum, *count) = (*sum + turned * force, *count + 1);
+                    }
                     self.heard[at].still(stuck, taken);
                 }
                 Said::Ended { sensor, why } => self.end(&sensor, why),
@@ -227,6 +238,16 @@ impl Sensors {
     pub fn newest(&self) -> Vec<(Segment, Option<(DQuat, Instant)>)> {
         let both = self.places.iter().zip(&self.heard);
         both.map(|(place, heard)| (place.segment, heard.newest)).collect()
+    }
+
+    /// What each worn segment's accelerometer measured on the mean since this was asked last, turned into the sensor's own world, m/s^2;
+    /// `None` of one that said nothing of it.
+    pub fn take_forces(&mut self) -> Vec<(Segment, Option<DVec3>)> {
+        let mean = |(place, heard): (&Place, &mut Heard)| {
+            let (sum, count) = std::mem::take(&mut heard.forces);
+            (place.segment, (count > 0).then(|| sum / f64::from(count)))
+        };
+        self.places.iter().zip(&mut self.heard).map(mean).collect()
     }
 
     /// Segments whose sensor's values stand still.
@@ -313,6 +334,7 @@ mod tests {
         let said = Said::Sample {
             sensor: sensor.into(),
             orientation: angle.map(DQuat::from_rotation_z),
+            acceleration_m_s2: Some(DVec3::X),
             anew,
             stuck: false,
             arrival: at(taken_s),
@@ -394,7 +416,15 @@ mod tests {
         say(&sender, "a", Some(0.5), false, 1.0);
         let (arrival, taken) = (at(1.5), at(1.5));
         let (sensor, orientation) = ("a".into(), Some(DQuat::from_rotation_z(2.0)));
-        let said = Said::Sample { sensor, orientation, anew: false, stuck: true, arrival, taken };
+        let said = Said::Sample {
+            sensor,
+            orientation,
+            acceleration_m_s2: None,
+            anew: false,
+            stuck: true,
+            arrival,
+            taken,
+        };
         sender.send(said).expect("heard");
         sensors.hear(at(1.5));
         assert_eq!(sensors.newest()[0].1, Some((DQuat::from_rotation_z(0.5), at(1.5))));
@@ -438,6 +468,7 @@ mod tests {
         let sample = |read_ms: u64| ReplayedSample {
             sensor: "a".into(),
             orientation: Some(DQuat::IDENTITY),
+            acceleration_m_s2: None,
             anew: false,
             stuck: false,
             read: Duration::from_millis(read_ms),

@@ -26,11 +26,11 @@
 //! Of a recording it says `axes`, scales and segments, by the names of its sensors.
 
 use super::now::MOVEMENTS;
-use crate::body::segment_named;
 use crate::body::worn::WornSensor;
 use crate::body::worn::calibrate::{Moved, calibrate};
 use crate::body::worn::kept::Kept;
 use crate::body::worn::strap::StrapDirection;
+use crate::body::{segment_name, segment_named};
 use crate::capture::{Mode, Orientation};
 use crate::error::{Error, ErrorKind, counted};
 use crate::mocap::opensim::{OpenSimCell, OpenSimTable};
@@ -131,6 +131,29 @@ impl DeclaredSensors {
             ));
         }
         Ok(declared)
+    }
+
+    /// Sensors, by their names, are worn so, whatever was declared of others.
+    pub fn wear<'a>(&mut self, worn: impl Iterator<Item = (&'a str, WornSensor)>) {
+        self.sensor.iter_mut().for_each(|sensor| sensor.segment = None);
+        for (name, WornSensor { segment, forward }) in worn {
+            let at = self.sensor.iter().position(|sensor| sensor.name == name);
+            let at = at.unwrap_or_else(|| {
+                let new = DeclaredSensor { name: name.to_owned(), ..DeclaredSensor::default() };
+                self.sensor.push(new);
+                self.sensor.len() - 1
+            });
+            self.sensor[at].segment = Some(segment_name(segment).to_owned());
+            self.sensor[at].forward = Some(match forward {
+                Some(forward) => StrapDirection::Along(forward.to_array()),
+                None => StrapDirection::Words("none".to_owned()),
+            });
+        }
+    }
+
+    /// Somebody stands in N pose from one time to another, s, whatever was declared of that.
+    pub fn stands_in_n_pose(&mut self, from_to_s: [f64; 2]) {
+        self.n_pose_s = Some(from_to_s);
     }
 
     fn named(&self, name: &str) -> Option<&DeclaredSensor> {
@@ -543,6 +566,21 @@ fn fuse_one(moments: &mut [SensorMoment], mode: Mode) -> Result<(), Error> {
     Ok(())
 }
 
+/// Fails if a sensor that is worn is none of those that spoke.
+///
+/// # Errors
+/// That one, and those that did.
+pub fn check_worn(series: &SensorSeries, declared: &DeclaredSensors) -> Result<(), Error> {
+    let mut worn = declared.sensor.iter().filter(|sensor| sensor.segment.is_some());
+    let Some(absent) = worn.find(|sensor| !series.sensors.contains_key(&sensor.name)) else {
+        return Ok(());
+    };
+    let known: Vec<&str> = series.sensors.keys().map(String::as_str).collect();
+    Err(Error::of(ErrorKind::Absent, "a sensor that is worn did not say anything")
+        .got(absent.name.clone())
+        .allowed(known.join(", ")))
+}
+
 /// How the sensors sit, from the times in which somebody is declared to stand in N pose and to move; `None` if none
 /// is said to be worn.
 ///
@@ -566,13 +604,15 @@ pub fn calibrated(
         return Err(Error::new(
             "sensors are worn, and when somebody stands in N pose is not declared",
         )
-        .allowed("n_pose_s = [from, to], s"));
+        .allowed("n_pose_s = [from, to], s, in the file of --sensors, or --n-pose FROM,TO"));
     };
+    let start_ns = series.start_ns();
     let said = |[from_s, to_s]: [f64; 2]| -> Vec<Vec<DQuat>> {
         let of = |name: &String| {
             let moments = series.sensors.get(name).into_iter().flatten();
-            let within =
-                moments.filter(|moment| (from_s..=to_s).contains(&(moment.taken_ns as f64 / 1e9)));
+            let at_s =
+                |moment: &SensorMoment| moment.taken_ns.saturating_sub(start_ns) as f64 / 1e9;
+            let within = moments.filter(|moment| (from_s..=to_s).contains(&at_s(moment)));
             within.filter_map(|moment| moment.orientation).collect()
         };
         names.iter().map(of).collect()

@@ -4,12 +4,14 @@
 //! - Its values stand still (whoever hears it says so).
 //! - It turns, or begins to turn, faster than that segment of anybody in 81 captures of walking, dancing, fighting and falling did.
 //! - A joint would be turned further than a joint goes: a knee or an elbow bent the wrong way, a limb turned about its own length
-//!   against the one above.
+//!   against the one above; or a shank about its own length by 25 degrees more than it was against its thigh until now.
+//! - What it measures of gravity is not down, and not what the others measure.
 //!
 //! It is taken up again when it has said nothing of that kind for half a second. After an impossible turn its heading means
 //! nothing any more, and the segment is taken to face as it did.
 
 use super::calibrate::words;
+use super::down::Downs;
 use crate::body::{Segment, SegmentPose};
 use crate::time::Instant;
 use crate::units::wrap_rad;
@@ -23,6 +25,13 @@ const MOST_STEP_S: f64 = 0.1;
 /// Over so long a turn is compared with what it was before, s.
 const JOLT_S: f64 = 0.025;
 
+/// A shank is not turned about its own length by more than this beside how it usually is against its thigh, rad; what is usual follows
+/// what is said at so much, rad/s: straps and headings may be off, and headings drift by less.
+const MOST_UNUSUAL_RAD: f64 = 25.0 * core::f64::consts::PI / 180.0;
+const USUAL_RAD_S: f64 = 2.0 * core::f64::consts::PI / 180.0;
+/// After headings were mended what is usual is found anew for so long, s.
+const MENDED_S: f64 = 10.0;
+
 /// Why a segment is doubted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Why {
@@ -34,6 +43,8 @@ pub enum Why {
     Jolt,
     /// Its joint does not go so far.
     Range,
+    /// What it measures of gravity is not down.
+    Gravity,
 }
 
 impl Why {
@@ -44,6 +55,7 @@ impl Why {
             Self::Stuck => "its values stand still",
             Self::Turn => "it turns faster than anybody can",
             Self::Jolt => "it is jolted as nobody can move",
+            Self::Gravity => "what it measures of gravity is not down, nor what the others measure",
             Self::Range => {
                 "the joint does not go so far; if it is the heading, N pose, r and Enter mend it"
             }
@@ -52,7 +64,7 @@ impl Why {
 
     /// True if the sensor's heading means nothing after that.
     const fn loses_heading(self) -> bool {
-        matches!(self, Self::Turn | Self::Jolt)
+        matches!(self, Self::Turn | Self::Jolt | Self::Gravity)
     }
 }
 
@@ -89,10 +101,10 @@ impl DoubtChange {
 const fn bounds(segment: Segment) -> (f64, f64) {
     use Segment as S;
     match segment {
-        S::Pelvis | S::Torso | S::Head => (18.0, 10.0),
+        S::Pelvis | S::Torso | S::Head => (18.0, 11.0),
         S::LeftUpperArm | S::LeftForearm | S::RightUpperArm | S::RightForearm => (50.0, 35.0),
         S::LeftThigh | S::RightThigh => (32.0, 55.0),
-        S::LeftShank | S::RightShank | S::LeftFoot | S::RightFoot => (38.0, 50.0),
+        S::LeftShank | S::RightShank | S::LeftFoot | S::RightFoot => (42.0, 50.0),
     }
 }
 
@@ -130,6 +142,13 @@ struct Of {
 #[derive(Clone, Debug, Default)]
 pub struct Doubts {
     of: [Of; 13],
+    downs: Downs,
+    /// By the lower segment of a knee: how it is usually turned about its own length against the one above, rad.
+    usual_rad: [f64; 13],
+    /// Since headings were mended, s.
+    mended_s: Option<f64>,
+    /// Time between two looks, s.
+    step_s: f64,
 }
 
 impl Doubts {
@@ -169,8 +188,15 @@ impl Doubts {
         }
     }
 
+    /// Takes what a segment's accelerometer measured on the mean since the moment before, `dt_s` ago, turned into the world, m/s^2;
+    /// `None`: nothing.
+    pub fn weigh(&mut self, segment: Segment, force: Option<DVec3>, dt_s: f64) {
+        self.downs.take(segment, force, dt_s);
+    }
+
     /// The sensor began anew: what it says now has nothing to do with what it said.
     pub fn began_anew(&mut self, segment: Segment) {
+        self.downs.forget(segment);
         let of = &mut self.of[segment.index()];
         (of.before, of.rates) = (None, [None; 2]);
     }
@@ -184,7 +210,7 @@ impl Doubts {
             }
             let turned =
                 pose.orientation[above.index()].inverse() * pose.orientation[segment.index()];
-            if is_beyond(segment, turned) {
+            if self.is_unusual(segment, above, turned) || is_beyond(segment, turned) {
                 // Whose heading is lost is found again by how it waits.
                 if [segment, above].iter().any(|one| self.of[one.index()].heading_lost) {
                     continue;
@@ -195,11 +221,40 @@ impl Doubts {
         }
     }
 
+    /// Headings are mended from now on: what was usual is not any more.
+    pub fn mended(&mut self) {
+        self.mended_s = Some(0.0);
+    }
+
+    /// True of a knee that is turned about the shank's length as it was not before.
+    fn is_unusual(&mut self, segment: Segment, above: Segment, turned: DQuat) -> bool {
+        let is_knee = matches!(segment, Segment::LeftShank | Segment::RightShank);
+        if !(is_knee && is_told(turned)) {
+            return false;
+        }
+        let off_rad = wrap_rad(twist_rad(turned) - self.usual_rad[segment.index()]);
+        if self.mended_s.is_some() {
+            self.usual_rad[segment.index()] += off_rad;
+            return false;
+        }
+        if [segment, above].iter().all(|one| self.of[one.index()].doubted.is_none()) {
+            let most_rad = USUAL_RAD_S * self.step_s;
+            self.usual_rad[segment.index()] += off_rad.clamp(-most_rad, most_rad);
+        }
+        !(off_rad.abs() <= MOST_UNUSUAL_RAD)
+    }
+
     /// What that comes to, `dt_s` after it was asked before: who is doubted from now on, and who is not any more.
     pub fn judge(&mut self, dt_s: f64) -> Vec<DoubtChange> {
         let mut changes = Vec::new();
+        self.step_s = dt_s;
+        self.mended_s = self.mended_s.map(|since_s| since_s + dt_s).filter(|s| *s < MENDED_S);
+        let astray = self.downs.astray();
         for segment in Segment::ALL {
             let of = &mut self.of[segment.index()];
+            if astray[segment.index()] {
+                of.wrong.get_or_insert(Why::Gravity);
+            }
             of.doubted_s += if of.doubted.is_some() { dt_s } else { 0.0 };
             match (of.wrong.take(), of.doubted) {
                 (Some(why), doubted) => {
@@ -237,9 +292,7 @@ impl Doubts {
 /// True if a segment cannot be turned so against the one that carries it.
 fn is_beyond(segment: Segment, turned: DQuat) -> bool {
     let (most_twist_rad, bent) = most_turned(segment);
-    // About its own length; near a half turn away from N pose nobody can tell.
-    let is_told = turned.z.hypot(turned.w) > 0.4;
-    if is_told && twist_rad(turned) > most_twist_rad {
+    if is_told(turned) && twist_rad(turned).abs() > most_twist_rad {
         return true;
     }
     // A hinge that is twisted shows no bend that could be judged.
@@ -250,8 +303,14 @@ fn is_beyond(segment: Segment, turned: DQuat) -> bool {
     !(least_rad..=most_rad).contains(&bend_rad)
 }
 
+/// Near a half turn away from N pose nobody can tell how something is turned about its own length.
+fn is_told(turned: DQuat) -> bool {
+    turned.z.hypot(turned.w) > 0.4
+}
+
+/// How something is turned about its own length.
 fn twist_rad(turned: DQuat) -> f64 {
-    wrap_rad(2.0 * turned.z.atan2(turned.w)).abs()
+    wrap_rad(2.0 * turned.z.atan2(turned.w))
 }
 
 /// Of the two segments of a joint that is turned too far the one that is turned more against its other neighbour.
@@ -261,7 +320,7 @@ fn culprit(segment: Segment, above: Segment, pose: &SegmentPose, worn: &[bool; 1
         carrier.map_or(0.0, |carrier| {
             let turned =
                 pose.orientation[carrier.index()].inverse() * pose.orientation[below.index()];
-            twist_rad(turned)
+            twist_rad(turned).abs()
         })
     };
     let below = Segment::ALL.into_iter().filter(|of| of.parent() == Some(segment));

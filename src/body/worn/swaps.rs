@@ -9,15 +9,19 @@
 use super::calibrate::words;
 use super::check::{PAIRS, alike};
 use crate::body::{Segment, SegmentPose};
+use crate::units::wrap_rad;
 use glam::DVec3;
+use std::collections::VecDeque;
 
-/// It is looked at so long a stretch, s, and at the next this much later.
-const STRETCH_S: f64 = 4.0;
-const NEXT_S: f64 = 1.0;
-/// A shorter one tells nothing, s.
-const LEAST_S: f64 = 2.4;
 /// Time between two looks, s.
 const STEP_S: f64 = 0.04;
+/// So many looks are a stretch (4 s), and the next begins so many later (1 s).
+const LONG: usize = 100;
+const NEXT: usize = 25;
+/// A shorter one tells nothing (2.4 s).
+const LEAST: usize = 60;
+/// Between moments further apart nobody knows what legs did, s.
+const LONGEST_STEP_S: f64 = 0.1;
 /// A leg moves that turns so fast, rad/s root mean square.
 const MOVES_RAD_S: f64 = 0.5;
 /// Thighs swing against one another, if they are so unlike (Pearson's correlation of their rates).
@@ -30,10 +34,23 @@ const WRONG_RAD: f64 = -0.26;
 const ONLY_WRONG_RAD: f64 = -0.52;
 const HARDLY_RAD: f64 = 0.17;
 
+/// Of a leg, its thigh and its shank; the left one first.
+const LEGS: [[Segment; 2]; 2] = [[PAIRS[2][0], PAIRS[3][0]], [PAIRS[2][1], PAIRS[3][1]]];
+
 /// How far a segment leans about its own side, rad: backward at the far end of a leg is positive, wherever the body faces.
 fn pitch_rad(pose: &SegmentPose, segment: Segment) -> f64 {
     let q = pose.orientation[segment.index()];
     (-(q * DVec3::X).z).atan2((q * DVec3::Z).z)
+}
+
+/// How thighs and shanks lean at a moment, rad, as in [`LEGS`]; `None` of a leg that was not measured.
+type Look = [Option<[f64; 2]>; 2];
+
+fn look(pose: &SegmentPose, measured: &[bool; 13]) -> Look {
+    LEGS.map(|leg| {
+        let is_said = leg.iter().all(|segment| measured[segment.index()]);
+        is_said.then(|| leg.map(|segment| pitch_rad(pose, segment)))
+    })
 }
 
 /// What a stretch of a leg shows: how its thigh and its shank turn, and where its knee is.
@@ -45,18 +62,16 @@ struct Leg {
 }
 
 impl Leg {
-    fn of(poses: &[&SegmentPose], thigh: Segment, shank: Segment) -> Self {
-        let pitch =
-            |segment| -> Vec<f64> { poses.iter().map(|pose| pitch_rad(pose, segment)).collect() };
-        let (thigh, shank) = (pitch(thigh), pitch(shank));
-        let rates = |pitch: &[f64]| -> Vec<f64> {
-            let step = |pair: &[f64]| crate::units::wrap_rad(pair[1] - pair[0]) / STEP_S;
-            pitch.windows(2).map(step).collect()
+    /// Of looks at one leg, one after the other.
+    fn of(looks: &[[f64; 2]]) -> Self {
+        let rates = |which: usize| -> Vec<f64> {
+            let step = |pair: &[[f64; 2]]| wrap_rad(pair[1][which] - pair[0][which]) / STEP_S;
+            looks.windows(2).map(step).collect()
         };
-        let knee = || thigh.iter().zip(&shank).map(|(t, s)| crate::units::wrap_rad(s - t));
+        let knee = || looks.iter().map(|[thigh, shank]| wrap_rad(shank - thigh));
         Self {
-            thigh_rad_s: rates(&thigh),
-            shank_rad_s: rates(&shank),
+            thigh_rad_s: rates(0),
+            shank_rad_s: rates(1),
             least_rad: knee().fold(f64::INFINITY, f64::min),
             most_rad: knee().fold(f64::NEG_INFINITY, f64::max),
         }
@@ -89,59 +104,131 @@ fn are_crossed(left: &Leg, right: &Leg) -> Option<bool> {
     Some(bend_wrongly && crossed - own > CROSSED)
 }
 
+/// How many stretches say no, and yes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Votes([u32; 2]);
+
+impl Votes {
+    fn take(&mut self, says: Option<bool>) {
+        if let Some(says) = says {
+            self.0[usize::from(says)] += 1;
+        }
+    }
+}
+
+/// What stretches say of the legs.
+#[derive(Clone, Copy, Debug, Default)]
+struct Told {
+    crossed: Votes,
+    upside_down: [Votes; 2],
+}
+
+impl Told {
+    /// Takes what a stretch shows.
+    fn take(&mut self, stretch: &[Look]) {
+        let leg = |which: usize| {
+            let looks: Option<Vec<[f64; 2]>> = stretch.iter().map(|look| look[which]).collect();
+            looks.map(|looks| Leg::of(&looks)).filter(Leg::moves)
+        };
+        let legs = [leg(0), leg(1)];
+        for (leg, told) in legs.iter().zip(&mut self.upside_down) {
+            told.take(leg.as_ref().map(Leg::is_upside_down));
+        }
+        if let [Some(left), Some(right)] = &legs {
+            self.crossed.take(are_crossed(left, right));
+        }
+    }
+
+    /// What is named where the votes say so, a line each.
+    fn named(&self, says: impl Fn(Votes) -> bool) -> Vec<String> {
+        let mut found = Vec::new();
+        for ([thigh, shank], told) in LEGS.into_iter().zip(self.upside_down) {
+            if says(told) {
+                let (thigh, shank) = (words(thigh), words(shank));
+                found.push(format!(
+                    "the sensors of the {thigh} and the {shank} seem to be swapped: the knee bends the wrong way only"
+                ));
+            }
+        }
+        if says(self.crossed) {
+            found.push(
+                "the left thigh swings with the right shank, and the right thigh with the left shank: two of these sensors seem to be \
+                 swapped"
+                    .to_owned(),
+            );
+        }
+        found
+    }
+}
+
 /// Sensors of thighs and shanks that seem to be on another segment than was said, a line each: of poses at a rate, of each of
 /// which it is known which segments were measured. Half of all stretches that can tell have to say so.
 #[must_use]
 pub fn swaps_in_legs(poses: &[SegmentPose], measured: &[[bool; 13]], rate_hz: f64) -> Vec<String> {
-    let ([left_thigh, right_thigh], [left_shank, right_shank]) = (PAIRS[2], PAIRS[3]);
-    let is_said = |now: &[bool; 13], segments: &[Segment]| {
-        segments.iter().all(|segment| now[segment.index()])
-    };
     let each = (rate_hz * STEP_S).max(1.0);
     let looks = (poses.len() as f64 / each) as usize;
     let at = |look: usize| ((look as f64 * each) as usize).min(poses.len().saturating_sub(1));
-    let (long, least) = ((STRETCH_S / STEP_S) as usize, (LEAST_S / STEP_S) as usize);
-    let (mut crossed, mut upside_down) = ([0_u32; 2], [[0_u32; 2]; 2]);
-    for first in (0..looks).step_by((NEXT_S / STEP_S) as usize) {
-        let stretch: Vec<usize> = (first..(first + long).min(looks)).map(at).collect();
-        if stretch.len() < least || (first > 0 && stretch.len() < long) {
+    let looks: Vec<Look> = (0..looks).map(at).map(|n| look(&poses[n], &measured[n])).collect();
+    let mut told = Told::default();
+    for first in (0..looks.len()).step_by(NEXT) {
+        let stretch = &looks[first..(first + LONG).min(looks.len())];
+        if stretch.len() < LEAST || (first > 0 && stretch.len() < LONG) {
             break;
         }
-        let leg = |thigh, shank| {
-            let is_whole = stretch.iter().all(|n| is_said(&measured[*n], &[thigh, shank]));
-            let poses: Vec<&SegmentPose> = stretch.iter().map(|n| &poses[*n]).collect();
-            is_whole.then(|| Leg::of(&poses, thigh, shank)).filter(Leg::moves)
+        told.take(stretch);
+    }
+    told.named(|Votes([no, yes])| yes > 0 && yes >= no)
+}
+
+/// The same as somebody walks, moment by moment.
+#[derive(Clone, Debug, Default)]
+pub struct SwapWatch {
+    looks: VecDeque<Look>,
+    before: Option<Look>,
+    /// Since the last look, s, and how many looks there were since the last stretch.
+    since_s: f64,
+    fresh: usize,
+    told: Told,
+    named: bool,
+}
+
+impl SwapWatch {
+    /// Takes where the sensors put the body `dt_s` after the moment before, and which segments were measured; what is named from now
+    /// on, a line each. It is named once: by two stretches, and by more than deny it.
+    pub fn take(&mut self, pose: &SegmentPose, measured: &[bool; 13], dt_s: f64) -> Vec<String> {
+        if self.named {
+            return Vec::new();
+        }
+        let now = look(pose, measured);
+        let Some(before) =
+            self.before.replace(now).filter(|_| dt_s > 0.0 && dt_s <= LONGEST_STEP_S)
+        else {
+            (self.since_s, self.fresh) = (0.0, 0);
+            self.looks.clear();
+            return Vec::new();
         };
-        let legs = [leg(left_thigh, left_shank), leg(right_thigh, right_shank)];
-        for (leg, told) in legs.iter().zip(&mut upside_down) {
-            if let Some(leg) = leg {
-                told[usize::from(leg.is_upside_down())] += 1;
-            }
+        self.since_s += dt_s;
+        while self.since_s >= STEP_S {
+            self.since_s -= STEP_S;
+            // Looks are evenly spaced, whenever moments are.
+            let part = ((dt_s - self.since_s) / dt_s).clamp(0.0, 1.0);
+            let between = |(one, other): (Option<[f64; 2]>, Option<[f64; 2]>)| {
+                let (one, other) = one.zip(other)?;
+                Some([0, 1].map(|which| one[which] + part * wrap_rad(other[which] - one[which])))
+            };
+            self.looks.push_back([0, 1].map(|leg| between((before[leg], now[leg]))));
+            self.fresh += 1;
         }
-        if let [Some(left), Some(right)] = &legs
-            && let Some(are_crossed) = are_crossed(left, right)
-        {
-            crossed[usize::from(are_crossed)] += 1;
+        while self.looks.len() > LONG {
+            self.looks.pop_front();
         }
-    }
-    let says = |[no, yes]: [u32; 2]| yes > 0 && yes >= no;
-    let mut found = Vec::new();
-    for (thigh, shank, told) in
-        [(left_thigh, left_shank, upside_down[0]), (right_thigh, right_shank, upside_down[1])]
-    {
-        if says(told) {
-            let (thigh, shank) = (words(thigh), words(shank));
-            found.push(format!(
-                "the sensors of the {thigh} and the {shank} seem to be swapped: the knee bends the wrong way only"
-            ));
+        if self.looks.len() < LONG || self.fresh < NEXT {
+            return Vec::new();
         }
+        self.fresh = 0;
+        self.told.take(self.looks.make_contiguous());
+        let named = self.told.named(|Votes([no, yes])| yes >= 2 && yes > no);
+        self.named = !named.is_empty();
+        named
     }
-    if says(crossed) {
-        found.push(
-            "the left thigh swings with the right shank, and the right thigh with the left shank: two of these sensors seem to be \
-             swapped"
-                .to_owned(),
-        );
-    }
-    found
 }

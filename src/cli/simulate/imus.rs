@@ -4,7 +4,7 @@ use crate::body::segment_name;
 use crate::cli::Remarks;
 use crate::cli::signals::Signals;
 use crate::error::Error;
-use crate::job::simulate::imus::{ImusOrder, SensorDoors, segments};
+use crate::job::simulate::imus::{ImusOrder, SensorDoors, put_on};
 use crate::job::simulate::participant::FollowOrder;
 use crate::job::simulate::virtual_person::{VirtualPerson, named_motion};
 use crate::job::simulate::worn::{Strapping, degrees, factor, share};
@@ -34,8 +34,8 @@ pub struct ImusArgs {
     /// What goes wrong: a stumble, swapped or lost sensors, something late or wrong (see docs/capture.md)
     #[arg(long, value_name = "FILE.toml", requires = "follow")]
     script: Option<PathBuf>,
-    /// Segments that wear a sensor (comma between names), or all
-    #[arg(long, value_name = "SEGMENTS", value_delimiter = ',', default_value = "all")]
+    /// Segments that wear a sensor (comma between names), or all; or a file that says how sensors are worn, as `live --wear` reads it
+    #[arg(long, value_name = "SEGMENTS|FILE.toml", value_delimiter = ',', default_value = "all")]
     wear: Vec<String>,
     /// What the sensors are (see `gaitway profile list`)
     #[arg(long, value_name = "NAME", default_value = "xsens-mti")]
@@ -103,9 +103,11 @@ fn order(args: &ImusArgs) -> Result<ImusOrder, Error> {
             return Err(Error::new("where are the sensors to be?").allowed("--pty, --udp"));
         }
     };
+    let (segments, known) = put_on(&args.wear)?;
     Ok(ImusOrder {
         motion: args.motion.clone(),
-        segments: segments(&args.wear)?,
+        segments,
+        known,
         profile: args.profile.clone(),
         doors,
         wear_file: args.wear_file.clone(),

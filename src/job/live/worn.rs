@@ -11,6 +11,7 @@ use crate::body::worn::calibrate::words;
 use crate::body::worn::doubt::Doubts;
 use crate::body::worn::kept::Kept;
 use crate::body::worn::limb::{LimbChange, WornLimb, WornLimbs};
+use crate::body::worn::swaps::SwapWatch;
 use crate::body::worn::{Wearing, WornPose};
 use crate::body::{segment_name, segment_named};
 use crate::capture::Counts;
@@ -239,6 +240,7 @@ impl Job<'_> {
         body.naming = naming;
         body.answers = answers;
         body.leads = !self.order.dry_run;
+        body.insists = self.order.despite_swaps;
         body.looks = self.observer.looks();
         if self.order.keep_going {
             let stands = ready.as_ref().map(|ready| stands(&ready.connection)).transpose();
@@ -625,6 +627,11 @@ struct Body<'a> {
     heading_lost: [u64; 13],
     resets: u64,
     doubts: Doubts,
+    walk: SwapWatch,
+    /// Sensors that seem to be swapped, as a walk showed.
+    swapped: Vec<String>,
+    /// They are followed all the same.
+    insists: bool,
     is_silent: bool,
     /// A robot follows.
     leads: bool,
@@ -658,6 +665,9 @@ impl<'a> Body<'a> {
             heading_lost: [0; 13],
             resets: 0,
             doubts: Doubts::default(),
+            walk: SwapWatch::default(),
+            swapped: Vec::new(),
+            insists: false,
             is_silent: false,
             leads: false,
             looks: false,
@@ -697,7 +707,16 @@ impl<'a> Body<'a> {
         let follows = self.following_since.map(|since| now.since(since));
         let is_late = self.longest.zip(follows).is_some_and(|(longest, time)| time >= longest);
         let is_alone = self.lost.as_ref().is_some_and(Lost::is_all);
-        is_late || is_alone || self.sensors.ended().is_some() || self.sensors.is_over()
+        is_late
+            || is_alone
+            || self.is_swapped()
+            || self.sensors.ended().is_some()
+            || self.sensors.is_over()
+    }
+
+    /// True of a body that leads a robot with sensors that seem to be swapped, unless that is insisted on.
+    fn is_swapped(&self) -> bool {
+        self.leads && !self.insists && !self.swapped.is_empty()
     }
 
     /// The body now, when the oldest of its sensors was read, s, and the time since the moment
@@ -724,6 +743,7 @@ impl<'a> Body<'a> {
         let mends = self.person.wants_a_reset();
         if mends {
             self.wearing.reset_heading();
+            self.doubts.mended();
             self.resets += 1;
             self.tell("headings are mended, slowly".to_owned());
         }
@@ -757,7 +777,13 @@ impl<'a> Body<'a> {
         let moment = self.wearing.pose(&said, dt_s);
         let worn = self.wearing.worn();
         let judged = Segment::ALL.map(|of| worn[of.index()] && !self.rests(of));
-        self.doubts.look(&self.wearing.as_said(), &judged);
+        let as_said = self.wearing.as_said();
+        self.doubts.look(&as_said, &judged);
+        let measured = Segment::ALL.map(|of| moment.fresh[of.index()] && !self.rests(of));
+        for swapped in self.walk.take(&as_said, &measured, dt_s) {
+            self.tell(swapped.clone());
+            self.swapped.push(swapped);
+        }
         if self.looks && self.posed_at.is_none_or(|at| now.seconds_since(at) >= 1.0 / TOLD_HZ) {
             self.posed_at = Some(now);
             let age_s = now.seconds_since(oldest);
@@ -805,6 +831,11 @@ impl<'a> Body<'a> {
             if let Some((said, taken)) = heard {
                 self.doubts.hear(*segment, *said, *taken, stuck[segment.index()]);
             }
+        }
+        for (segment, force) in self.sensors.take_forces() {
+            let force = force.filter(|_| !self.rests(segment));
+            let force = force.and_then(|force| self.wearing.in_world(segment, force));
+            self.doubts.weigh(segment, force, dt_s);
         }
         for change in self.doubts.judge(dt_s) {
             match change.doubted {
@@ -864,11 +895,23 @@ impl<'a> Body<'a> {
             report.run.stop_reason = Some(reason);
             report.run.stop = Some(Stop::of(StopCode::SensorLost));
         }
+        if self.is_swapped() {
+            if report.run.outcome == Outcome::Done {
+                report.run.outcome = Outcome::Stopped;
+            }
+            report.run.stop_reason = Some(format!(
+                "nobody is followed whose sensors seem to be swapped: {}; change them and begin again; \
+                 --despite-swaps, if they are right as they are",
+                self.swapped.join("; ")
+            ));
+            report.run.stop = Some(Stop::of(StopCode::SensorsSwapped));
+        }
         if let Some(lost) = &self.lost {
             report.run.notes.extend(lost.notes());
         }
         let Some(body) = &mut report.body else { return named };
         body.heading_resets = self.resets;
+        body.doubts.append(&mut self.swapped);
         for drift in self.wearing.drifts() {
             let at = drift.segment.index();
             let name = segment_name(drift.segment);

@@ -1,11 +1,12 @@
 //! A virtual person who wears virtual sensors, each of which other programs open, in real time.
 
 use super::person::Person;
-use super::worn::{Strapping, Worn, wire};
+use super::worn::{KnownStrap, Strapping, Worn, wire};
 use crate::body::{Segment, segment_name, segment_named};
 use crate::corpus::store::check_outside;
 use crate::error::{Error, ErrorKind};
 use crate::job::source::body_motion;
+use crate::sensing::{Source, Wear, What};
 use gaitway_profiles::Sensor;
 use gaitway_sim::DoorError;
 use gaitway_sim::imu::{ImuDoor, ImuWire, Stage, VirtualImu};
@@ -35,7 +36,9 @@ pub struct ImusOrder {
     pub motion: String,
     /// Segments that wear a sensor; one that is named twice wears one.
     pub segments: Vec<Segment>,
-    /// What the sensors are: the name of a sensor's profile.
+    /// How sensors are worn, of those segments of which a file says it.
+    pub known: Vec<KnownStrap>,
+    /// What the others are: the name of a sensor's profile.
     pub profile: String,
     /// Where they are reached.
     pub doors: SensorDoors,
@@ -70,6 +73,38 @@ pub fn segments(typed: &[String]) -> Result<Vec<Segment>, Error> {
     typed.iter().map(|name| segment_named(name).map_err(|e| e.at("--wear"))).collect()
 }
 
+/// Reads names of segments, one of which may be `all`, and files of what is worn (see [`Wear::of`]), whose segments wear sensors as
+/// they say.
+///
+/// # Errors
+/// A name of none, a file that does not say what is worn, a segment that two files name.
+pub fn put_on(typed: &[String]) -> Result<(Vec<Segment>, Vec<KnownStrap>), Error> {
+    let is_file = |text: &&String| text.ends_with(".toml");
+    let files: Vec<String> = typed.iter().filter(is_file).cloned().collect();
+    let names: Vec<String> = typed.iter().filter(|text| !is_file(text)).cloned().collect();
+    let worn = Wear::of(Vec::new(), &files)?;
+    let known = worn.places.iter().map(|place| {
+        let is_own = |source: &&Source| source.name.as_ref() == Some(&place.sensor);
+        let profile = worn.sources.iter().find(is_own).and_then(|source| match &source.what {
+            What::Imu { profile, .. } => Some(profile.clone()),
+            _ => None,
+        });
+        let tracker = tracker_address(&place.sensor);
+        KnownStrap { segment: place.segment, profile, forward: place.forward, tracker }
+    });
+    let known: Vec<KnownStrap> = known.collect();
+    let mut worn: Vec<Segment> = known.iter().map(|strap| strap.segment).collect();
+    worn.extend(segments(&names)?);
+    Ok((worn, known))
+}
+
+/// The last three bytes of the network address of a tracker with this name (`tracker-00aa01-0`).
+fn tracker_address(name: &str) -> Option<[u8; 3]> {
+    let digits = name.strip_prefix("tracker-")?.strip_suffix("-0")?;
+    let byte = |at: usize| u8::from_str_radix(digits.get(2 * at..2 * at + 2)?, 16).ok();
+    (digits.len() == 6).then_some([byte(0)?, byte(1)?, byte(2)?])
+}
+
 /// Somebody whose sensors can be opened. Dropping it ends them.
 ///
 /// The performance begins when the first sensor is opened, and starts again once all were closed.
@@ -96,7 +131,7 @@ impl Wearer {
         let wear_file = wear_file(order)?;
         let stage = Stage::default();
         let (mut sensors, mut doors): (Vec<OpenSensor>, _) = (Vec::new(), Vec::new());
-        let mut worn = Worn::new(&sensor, order.strapping, order.seed)?;
+        let mut worn = Worn::new(&sensor, &order.known, order.strapping, order.seed)?;
         for &segment in &order.segments {
             if sensors.iter().any(|known| known.segment == segment) {
                 continue;
@@ -159,6 +194,7 @@ pub(super) fn wear_file(order: &ImusOrder) -> Result<Option<PathBuf>, Error> {
 /// How sensors are reached, and what is written of it.
 pub(super) struct Way {
     profile: String,
+    known: Vec<KnownStrap>,
     to: To,
     wear: String,
 }
@@ -204,7 +240,7 @@ impl Way {
             }
         };
         wear.push_str("[segments]\n");
-        Ok(Self { profile: order.profile.clone(), to, wear })
+        Ok(Self { profile: order.profile.clone(), known: order.known.clone(), to, wear })
     }
 
     /// Opens a sensor's door and notes what is worn; also gives where it is reached.
@@ -216,21 +252,38 @@ impl Way {
     ) -> Result<(ImuDoor, String), Error> {
         let door = self.door(stage, segment, imu)?;
         let name = segment_name(segment);
+        let known = self.known.iter().find(|strap| strap.segment == segment);
+        let entry = |sensor: &str| match known.map(|strap| strap.forward) {
+            None => format!("{name} = {sensor:?}\n"),
+            Some(None) => format!("{name} = {{ sensor = {sensor:?}, forward = \"none\" }}\n"),
+            Some(Some(ahead)) => {
+                let [x, y, z] = ahead.to_array();
+                format!("{name} = {{ sensor = {sensor:?}, forward = [{x:?}, {y:?}, {z:?}] }}\n")
+            }
+        };
         let place = match &self.to {
             To::SlimeVr(_) => {
-                let tracker = format!("tracker-0000{:02x}-0", number(segment));
-                let _ = writeln!(self.wear, "{name} = \"{tracker}\"");
+                let [a, b, c] = self.address(segment);
+                let tracker = format!("tracker-{a:02x}{b:02x}{c:02x}-0");
+                self.wear.push_str(&entry(&tracker));
                 tracker
             }
             To::Terminals { folder, .. } => {
                 let link = folder.join(name);
                 let path = std::path::absolute(&link).unwrap_or(link).display().to_string();
-                let source = format!("imu:{}@serial:{path}", self.profile);
-                let _ = writeln!(self.wear, "{name} = {source:?}");
+                let profile =
+                    known.and_then(|strap| strap.profile.as_ref()).unwrap_or(&self.profile);
+                self.wear.push_str(&entry(&format!("imu:{profile}@serial:{path}")));
                 path
             }
         };
         Ok((door, place))
+    }
+
+    /// The last three bytes of a tracker's network address.
+    fn address(&self, segment: Segment) -> [u8; 3] {
+        let known = self.known.iter().find(|strap| strap.segment == segment);
+        known.and_then(|strap| strap.tracker).unwrap_or([0, 0, number(segment)])
     }
 
     /// Opens a sensor's door, perhaps once more.
@@ -243,7 +296,8 @@ impl Way {
         match &self.to {
             To::SlimeVr(server) => {
                 // The second bit of a network address: given by whoever runs the network.
-                let mac = [2, 0, 0, 0, 0, number(segment)];
+                let [a, b, c] = self.address(segment);
+                let mac = [2, 0, 0, a, b, c];
                 ImuDoor::open_slimevr(stage, imu, *server, mac)
                     .map_err(|e| closed(&server.to_string(), &e))
             }

@@ -107,7 +107,7 @@ impl Participant {
         let wear_file = wear_file(imus)?;
         let (stage, acting) = (Stage::lasting(), Acting::new(STATURE_M, Act::Table)?);
         let acting = Arc::new(Mutex::new(acting));
-        let mut worn = Worn::new(&sensor, imus.strapping, imus.seed)?;
+        let mut worn = Worn::new(&sensor, &imus.known, imus.strapping, imus.seed)?;
         let (mut open, mut sensors): (Vec<OpenSensor>, Vec<Sensor>) = (Vec::new(), Vec::new());
         for &segment in &imus.segments {
             if open.iter().any(|known| known.segment == segment) {

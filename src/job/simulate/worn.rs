@@ -6,7 +6,7 @@ use crate::body::proportions::proximal_joint;
 use crate::error::Error;
 use gaitway_profiles::{Sensor, SensorProtocol};
 use gaitway_sim::imu::{BodyMotion, ImuError, ImuErrors, ImuMotion, ImuWire, Mount, VirtualImu};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -58,10 +58,24 @@ pub fn share(text: &str) -> Result<f64, String> {
     up_to(1.0, text)
 }
 
+/// What is known of how a segment's sensor is worn: as a file of what is worn says it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownStrap {
+    /// Who wears it.
+    pub segment: Segment,
+    /// Its profile, if it is heard by itself.
+    pub profile: Option<String>,
+    /// What of the sensor points forward in N pose, in its axes; `None`: nobody knows.
+    pub forward: Option<DVec3>,
+    /// The last three bytes of a tracker's network address, which its name tells.
+    pub tracker: Option<[u8; 3]>,
+}
+
 /// Sensors of somebody who is given one after the other.
 pub struct Worn {
     rate_hz: f64,
     wire: ImuWire,
+    known: Vec<(KnownStrap, f64, ImuWire)>,
     strapping: Strapping,
     random: ChaCha8Rng,
 }
@@ -104,9 +118,22 @@ impl Worn {
     ///
     /// # Errors
     /// A profile that no virtual sensor speaks.
-    pub fn new(sensor: &Sensor, strapping: Strapping, seed: u64) -> Result<Self, Error> {
-        let (wire, random) = (wire(sensor)?, ChaCha8Rng::seed_from_u64(seed));
-        Ok(Self { rate_hz: sensor.rate_hz, wire, strapping, random })
+    pub fn new(
+        sensor: &Sensor,
+        known: &[KnownStrap],
+        strapping: Strapping,
+        seed: u64,
+    ) -> Result<Self, Error> {
+        let (usual, random) = (wire(sensor)?, ChaCha8Rng::seed_from_u64(seed));
+        let of = |strap: &KnownStrap| {
+            let Some(profile) = &strap.profile else {
+                return Ok((strap.clone(), sensor.rate_hz, usual));
+            };
+            let own = gaitway_profiles::sensor(profile)?;
+            Ok((strap.clone(), own.rate_hz, wire(&own)?))
+        };
+        let known = known.iter().map(of).collect::<Result<_, Error>>()?;
+        Ok(Self { rate_hz: sensor.rate_hz, wire: usual, known, strapping, random })
     }
 
     /// A sensor on somebody whose motion is known, strapped on as people do.
@@ -134,7 +161,10 @@ impl Worn {
         segment: Segment,
         motion: impl FnOnce(DQuat) -> Result<M, ImuError>,
     ) -> Result<VirtualImu, Error> {
-        let Self { rate_hz, wire, strapping, random } = self;
+        let Self { rate_hz, wire, known, strapping, random } = self;
+        let known = known.iter().find(|(strap, ..)| strap.segment == segment);
+        let (rate_hz, wire) =
+            known.map_or((*rate_hz, *wire), |(_, rate_hz, wire)| (*rate_hz, *wire));
         let unfit = |e: ImuError| Error::new(e.to_string());
         // The world of a sensor without a compass begins where it was switched on.
         let world = DQuat::from_rotation_z(std::f64::consts::TAU * random.random::<f64>());
@@ -142,6 +172,14 @@ impl Worn {
         let twist = strapping.twist_rad * normal(random);
         let strapped =
             DQuat::from_rotation_z(twist) * DQuat::from_rotation_y(0.15 * normal(random));
+        let strapped = match known.map(|(strap, ..)| strap.forward) {
+            None => strapped,
+            Some(Some(forward)) => strapped * DQuat::from_rotation_arc(forward, DVec3::X),
+            Some(None) => {
+                let anyhow = std::f64::consts::TAU * random.random::<f64>();
+                DQuat::from_rotation_z(anyhow) * strapped
+            }
+        };
         let mount = Mount {
             offset_m: (segment.long_axis() * ALONG_M).to_array(),
             orientation: wxyz(strapped),
@@ -160,7 +198,7 @@ impl Worn {
             seed: random.random(),
             ..ImuErrors::default()
         };
-        VirtualImu::new(motion, mount, errors, *wire, *rate_hz)
+        VirtualImu::new(motion, mount, errors, wire, rate_hz)
             .map(VirtualImu::then_still)
             .map_err(unfit)
     }

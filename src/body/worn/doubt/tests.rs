@@ -90,6 +90,28 @@ fn run(wears: [bool; 13], spoil: impl Fn(f64, Segment, DQuat) -> (DQuat, bool)) 
     run
 }
 
+/// A reset turns headings by 20 deg/s: what is usual of a knee is found anew, and is not what it was.
+#[test]
+fn a_heading_that_is_mended_is_no_knee_that_turns() {
+    let mut doubts = Doubts::default();
+    let worn = [true; 13];
+    let mut wrong = Vec::new();
+    for n in 0..3000_u32 {
+        let t = f64::from(n) / RATE_HZ;
+        let mut pose = walk(t).to_pose(DVec3::ZERO, DQuat::IDENTITY);
+        // It ran away slowly, by 34 degrees, and is back within two seconds.
+        let off_deg = if t < 20.0 { 1.7 * t } else { (34.0 - 20.0 * (t - 20.0)).max(0.0) };
+        let shank = &mut pose.orientation[Segment::LeftShank.index()];
+        *shank = DQuat::from_rotation_z(off_deg * DEGREE) * *shank;
+        if n == 2000 {
+            doubts.mended();
+        }
+        wrong.extend(doubts.judge(1.0 / RATE_HZ));
+        doubts.look(&pose, &worn);
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
 fn of_thigh(run: &Run) -> Vec<Option<Why>> {
     assert!(
         run.changes.iter().all(|(_, change)| change.segment == Segment::LeftThigh),
@@ -134,7 +156,7 @@ fn a_knock_on_a_leg_turns_it_no_further_than_a_knee_may_be_off() {
     let run = knocked(Segment::LeftThigh);
     assert_eq!(of_thigh(&run), [Some(Why::Range)], "until its heading is mended");
     eprintln!("knock on a thigh: {:.1} deg at most", run.excess_rad / DEGREE);
-    assert!(run.excess_rad < 45.0 * DEGREE, "{}", run.excess_rad / DEGREE);
+    assert!(run.excess_rad < 32.0 * DEGREE, "{}", run.excess_rad / DEGREE);
 }
 
 #[test]
@@ -167,5 +189,78 @@ fn a_heading_that_runs_away_is_stopped_where_the_knee_cannot_follow() {
         run.changes
     );
     eprintln!("bias: {:.1} deg at most", run.excess_rad / DEGREE);
-    assert!(run.excess_rad < 45.0 * DEGREE, "{}", run.excess_rad / DEGREE);
+    assert!(run.excess_rad < 35.0 * DEGREE, "{}", run.excess_rad / DEGREE);
+}
+
+/// For `lasts_s` sensors measure `force`, each in the world; who was doubted, why and when, and who was taken up again.
+fn weighed(
+    doubts: &mut Doubts,
+    lasts_s: f64,
+    force: impl Fn(f64, Segment) -> Option<DVec3>,
+) -> Vec<(f64, Segment, Option<Why>)> {
+    let mut found = Vec::new();
+    for n in 0..(lasts_s * RATE_HZ) as u32 {
+        let t = f64::from(n) / RATE_HZ;
+        for segment in Segment::ALL {
+            doubts.weigh(segment, force(t, segment), 1.0 / RATE_HZ);
+        }
+        let changes = doubts.judge(1.0 / RATE_HZ);
+        found.extend(changes.iter().map(|change| (t, change.segment, change.doubted)));
+    }
+    found
+}
+
+/// Somebody who walks: each limb is pulled to and fro, by half of what it weighs.
+fn pulled(t: f64) -> DVec3 {
+    let swing = (core::f64::consts::TAU * t).sin();
+    DVec3::new(5.0 * swing, 2.0 * swing, 9.8 + 4.0 * swing * swing - 2.0)
+}
+
+#[test]
+fn a_sensor_whose_down_is_elsewhere_is_doubted_until_it_is_not() {
+    let mut doubts = Doubts::default();
+    assert_eq!(weighed(&mut doubts, 60.0, |t, _| Some(pulled(t))), []);
+    // As a gyroscope makes it that says 0.2 rad/s beside what is: the filter is three seconds late.
+    let tilted = |t: f64, segment: Segment| {
+        let off = if segment == Segment::LeftThigh { 0.2 * t.min(3.0) } else { 0.0 };
+        Some(DQuat::from_rotation_y(off) * pulled(t))
+    };
+    let found = weighed(&mut doubts, 10.0, tilted);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!((found[0].1, found[0].2), (Segment::LeftThigh, Some(Why::Gravity)));
+    assert!((1.0..3.0).contains(&found[0].0), "{found:?}");
+    let found = weighed(&mut doubts, 10.0, |t, _| Some(pulled(t)));
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!((found[0].1, found[0].2), (Segment::LeftThigh, None));
+}
+
+#[test]
+fn what_all_measure_is_how_they_are_carried_and_no_fault_and_silence_is_none() {
+    let mut doubts = Doubts::default();
+    let lift = |t: f64| if (10.0..14.0).contains(&t) { DVec3::Z * 4.0 } else { DVec3::ZERO };
+    assert_eq!(weighed(&mut doubts, 30.0, |t, _| Some(pulled(t) + lift(t))), []);
+    // One alone that measures it is doubted.
+    let alone = |t: f64, segment: Segment| {
+        Some(pulled(t) + if segment == Segment::Head { lift(t) } else { DVec3::ZERO })
+    };
+    let found = weighed(&mut Doubts::default(), 30.0, alone);
+    let found: Vec<_> = found.iter().map(|found| (found.1, found.2)).collect();
+    assert_eq!(found, [(Segment::Head, Some(Why::Gravity)), (Segment::Head, None)]);
+    assert_eq!(weighed(&mut doubts, 10.0, |_, _| None), []);
+    let nan = |_: f64, _: Segment| Some(DVec3::splat(f64::NAN));
+    assert_eq!(weighed(&mut doubts, 10.0, nan), []);
+}
+
+/// Two sensors are nobody to compare with: weight is.
+#[test]
+fn who_wears_two_sensors_is_weighed_alone() {
+    let mut doubts = Doubts::default();
+    let two = |t: f64, segment: Segment| match segment {
+        Segment::LeftUpperArm => Some(pulled(t)),
+        Segment::LeftForearm => Some(1.3 * pulled(t)),
+        _ => None,
+    };
+    let found = weighed(&mut doubts, 20.0, two);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!((found[0].1, found[0].2), (Segment::LeftForearm, Some(Why::Gravity)));
 }
