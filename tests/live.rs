@@ -1,6 +1,7 @@
 //! Live, from end to end: virtual sensors on a walking body, their bytes, fusion, joints, the
 //! robot's joints, follower, guard, and a virtual OP3, against what was truly done.
 
+mod captured;
 mod program;
 mod scene;
 
@@ -419,4 +420,63 @@ fn a_source_that_cannot_be_followed_is_refused_before_anything_moves() {
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(report["outcome"], "refused");
     assert!(report["stop_reason"].as_str().unwrap().contains("file:MOTION"));
+}
+
+/// What `live` reports of an OP3 with weight that follows a motion.
+fn weighed(motion: &str, more: &[&str]) -> serde_json::Value {
+    let output = crate::program::gaitway()
+        .args(["live", "--from", &format!("file:{motion}"), "--robot", "op3", "--bus", "sim"])
+        .args(["--physics", "--json"])
+        .args(more)
+        .output()
+        .expect("runs");
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(report["outcome"], "done", "{motion}: {report}");
+    assert_eq!(report["referee"]["violations"].as_array().map(Vec::len), Some(0), "{motion}");
+    report
+}
+
+#[test]
+fn an_op3_with_weight_lifts_a_foot_when_it_stands_on_the_other_and_stays_up_whatever_is_done() {
+    for (motion, lifts) in [("side-kick-l", 1), ("side-kick-r", 1), ("squat", 0), ("wave-r", 0)] {
+        let report = weighed(motion, &[]);
+        assert!(report["fell_at_s"].is_null(), "{motion}: {}", report["notes"]);
+        assert_eq!(report["feet"]["lifted"], lifts, "{motion}");
+    }
+    // Steps that are too quick for it are not taken, nor is a jump, and that is said.
+    for motion in ["walk", "run", "jump", "jumping-jacks"] {
+        let report = weighed(motion, &[]);
+        assert!(report["fell_at_s"].is_null(), "{motion}: {}", report["notes"]);
+        let kept = report["feet"]["kept_down"].as_u64().expect("a number");
+        let is_told = report["notes"].to_string().contains("had put the foot down again");
+        assert_eq!(is_told, kept > 0, "{motion}: {}", report["notes"]);
+    }
+    let hangs = weighed("side-kick-l", &["--hang"]);
+    assert!(hangs["feet"].is_null() && hangs["notes"].to_string().contains("cannot fall"));
+}
+
+/// Walks, kicks, blows and a twirl of grown-up persons and one child, of several skeletons.
+const CAPTURES_FOLLOWED: [&str; 9] = [
+    "bvh/bandai/dataset-1_walk_normal_001.bvh",
+    "bvh/bandai/dataset-2_walk-turn-left_elderly_004.bvh",
+    "bvh/bandai/dataset-2_raise-up-both-hands_normal_004.bvh",
+    "bvh/xsens74/kicking.bvh",
+    "bvh/xsens74/boxing.bvh",
+    "bvh/fair/cmu_1006_walking.bvh",
+    "bvh/fair/cmu_1006_twirl.bvh",
+    "bvh/fair/8yr_old_silly_walk__ae31a5.bvh",
+    "bvh/acclaim20/sst_walk_circle.bvh",
+];
+
+#[test]
+fn an_op3_with_weight_that_follows_captures_as_they_come_stays_up() {
+    let Some(folder) = captured::captures() else { return };
+    let mut tried = 0;
+    for name in CAPTURES_FOLLOWED {
+        let path = folder.join("mocap").join(name);
+        let report = weighed(path.to_str().expect("a path"), &[]);
+        assert!(report["fell_at_s"].is_null(), "{name}: {}", report["notes"]);
+        tried += 1;
+    }
+    println!("{tried} captures were followed by an OP3 with weight");
 }

@@ -168,6 +168,8 @@ fn order(folder: &Path, keep_going: bool) -> LiveOrder {
         record: Some(folder.join("robot.mcap")),
         replace: true,
         accept_firmware: false,
+        hangs: true,
+        physics: false,
         dry_run: false,
         recognise: false,
         models: None,

@@ -187,7 +187,9 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     let stand_s = 7.0;
     let wearer = Wearer::start(&folder, "--motion walk:6s --stand 7s --pty body --seed 3");
     let output = gaitway(&folder)
-        .args(words("live --wear body/wear.toml --robot op3 --bus sim:pty --n-pose-after 500ms"))
+        .args(words(
+            "live --wear body/wear.toml --robot op3 --hang --bus sim:pty --n-pose-after 500ms",
+        ))
         .args(words("--moves bow --for 18s --record live.mcap --calibration-body body.toml"))
         .args(words("--subject p1 --rate 50 --html live.html --json"))
         .output()
@@ -223,7 +225,9 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     );
 
     let output = gaitway(&folder)
-        .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+        .args(words(
+            "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms",
+        ))
         .args(words("--moves bow --record again.mcap --calibration-body again.toml --json"))
         .arg("--recognise")
         .output()
@@ -249,7 +253,9 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
 fn swapped_legs_end_it_unless_that_is_insisted_on(folder: &Path) {
     let again = |more: &str| {
         let output = gaitway(folder)
-            .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+            .args(words(
+                "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms",
+            ))
             .args(words("--wear left_shank=right_shank right_shank=left_shank --json"))
             .args(words(more))
             .output()
@@ -369,7 +375,9 @@ fn strides_are_named(report: &serde_json::Value, recording: &Path) {
 fn take_up_what_was_kept(folder: &Path) {
     let again = |extra: &str| {
         let output = gaitway(folder)
-            .args(words("live --from replay:live.mcap --robot op3 --bus sim --n-pose-after 500ms"))
+            .args(words(
+                "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms",
+            ))
             .args(words("--calibration-body again.toml --for 3s --json"))
             .args(words(extra))
             .output()
@@ -422,7 +430,9 @@ fn a_wave_is_answered_by_a_bow_and_what_comes_meanwhile_is_counted_and_not_answe
         "--motion wave-r,wave-r,wave-r,wave-r --stand 7s --pty body --seed 3",
     );
     let output = gaitway(&folder)
-        .args(words("live --wear body/wear.toml --robot op3 --bus sim:pty --n-pose-after 500ms"))
+        .args(words(
+            "live --wear body/wear.toml --robot op3 --hang --bus sim:pty --n-pose-after 500ms",
+        ))
         .args(words("--moves bow --for 24s --record waves.mcap --rate 50 --json"))
         .output()
         .expect("runs");
