@@ -264,9 +264,9 @@ impl Job<'_> {
         let mut before_s: Option<f64> = None;
         let mut newest = |now: Instant, approaching: bool| {
             let now_s = now.seconds_since(*began.get_or_insert(now));
-            let approaching = approaching || onto.is_late() && !performer.has_begun();
+            let is_coming = approaching || onto.is_arriving();
             let waits = onto.is_late() || onto.is_stepping();
-            let Some(pose) = performer.pose(now_s, approaching, waits) else { return Input::End };
+            let Some(pose) = performer.pose(now_s, is_coming, waits) else { return Input::End };
             let dt_s = before_s.map_or(0.0, |before_s| now_s - before_s);
             before_s = Some(now_s);
             trend.push(now_s, &onto.pose(&pose, dt_s, approaching));

@@ -6,7 +6,6 @@ use crate::body::worn::limb::WornLimb;
 use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::retarget::{Online, RobotModel};
-use crate::motion::follow::APPROACH_SHARE;
 use crate::retarget::adjust::{Adjuster, Adjusting, Lifts};
 use crate::retarget::base::{Held, StandingSole};
 use crate::robot::{Joint, Robot, RobotBody};
@@ -87,6 +86,8 @@ pub struct OntoRobot<'a> {
     adjuster: Option<Adjuster<'a>>,
     /// The segment that the robot's base plays.
     base: Segment,
+    /// How long it was on its way to the first pose after its goals had come near it, s.
+    arriving_s: f64,
 }
 
 impl<'a> OntoRobot<'a> {
@@ -94,18 +95,19 @@ impl<'a> OntoRobot<'a> {
     pub fn new(model: &RobotModel, online: Online<'a>, adjuster: Option<Adjuster<'a>>) -> Self {
         let pelvis = model.base.iter().find(|segment| **segment == Segment::Pelvis);
         let base = pelvis.or(model.base.first()).copied().unwrap_or(Segment::Pelvis);
-        Self { online, adjuster, base }
+        Self { online, adjuster, base, arriving_s: 0.0 }
     }
 
-    /// Angles by joint, rad, for the pose `dt_s` after the one before; legs are slow while the robot is on its way to the first.
+    /// Angles by joint, rad, for the pose `dt_s` after the one before; slowly while the robot is on its way to the first.
     pub fn pose(&mut self, pose: &SegmentPose, dt_s: f64, approaching: bool) -> Vec<f64> {
         let angles_rad = self.online.pose(pose, dt_s);
         match &mut self.adjuster {
             None => angles_rad.to_vec(),
             Some(adjuster) => {
                 let up = pose.orientation[self.base.index()].inverse() * DVec3::Z;
-                let share = if approaching { APPROACH_SHARE } else { 1.0 };
-                adjuster.next(angles_rad, up, dt_s, share)
+                let goes_on = !approaching && adjuster.is_arriving();
+                self.arriving_s += if goes_on { dt_s } else { 0.0 };
+                adjuster.next(angles_rad, up, dt_s, approaching)
             }
         }
     }
@@ -113,6 +115,16 @@ impl<'a> OntoRobot<'a> {
     /// True while the robot does not stand on both feet.
     pub fn is_stepping(&self) -> bool {
         self.adjuster.as_ref().is_some_and(Adjuster::is_stepping)
+    }
+
+    /// True while the robot is on its way to the first pose.
+    pub fn is_arriving(&self) -> bool {
+        self.adjuster.as_ref().is_some_and(Adjuster::is_arriving)
+    }
+
+    /// How long it was so after its goals had come near that pose, s.
+    pub const fn arriving_s(&self) -> f64 {
+        self.arriving_s
     }
 
     /// True while legs are not yet where the person has them.

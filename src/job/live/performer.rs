@@ -21,11 +21,6 @@ impl Performer {
         Self { capture, longest_s, began_s: None }
     }
 
-    /// True once it moves.
-    pub const fn has_begun(&self) -> bool {
-        self.began_s.is_some()
-    }
-
     /// The pose at a moment; `None` once the performance is over. While the robot is on its way to
     /// the first pose, that is held; and the last one while the robot is late, `waits`.
     pub fn pose(&mut self, now_s: f64, approaching: bool, waits: bool) -> Option<SegmentPose> {

@@ -223,8 +223,12 @@ impl LiveReport {
         self.run.approach_s = self.approaching_s;
     }
 
-    /// Takes what became of the feet.
+    /// Takes what became of the feet, and the way to the first pose that was none of the follower's.
     pub(super) fn describe_feet(&mut self, onto: &OntoRobot<'_>) {
+        let arriving_s = onto.arriving_s().min(self.following_s);
+        self.following_s -= arriving_s;
+        self.approaching_s += arriving_s;
+        self.run.approach_s = self.approaching_s;
         self.feet = onto.lifts();
         self.run.notes.extend(self.feet.and_then(onto_robot::note));
     }

@@ -487,7 +487,8 @@ impl Job<'_> {
         let mut trend = Trend::default();
         let of_limbs = WornLimb::ALL.map(|limb| lost::joints(&model, limb));
         let mut newest = |now: Instant, approaching: bool| {
-            if body.answers.is_called() || body.is_over(now, approaching) {
+            let is_coming = approaching || onto.is_arriving();
+            if body.answers.is_called() || body.is_over(now, is_coming) {
                 return Input::End;
             }
             let Some((moment, oldest_s, dt_s)) = body.moment(now) else { return Input::Nothing };

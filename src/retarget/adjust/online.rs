@@ -10,6 +10,7 @@ use super::{
     Adjusting, Clip, ENOUGH, LONGEST_STEP_RAD, Normal, Part, RAMP_S, ROOM_WEIGHT,
     SHORTEST_STEP_RAD, Solver, Stance,
 };
+use crate::motion::follow::APPROACH_SHARE;
 use crate::retarget::base::StandingSole;
 use crate::rigid::Placement;
 use crate::rigid::ground::{GRAVITY_M_S2, SupportPolygon};
@@ -109,6 +110,8 @@ pub struct Adjuster<'a> {
     /// The pose before, as it came and as it went.
     before: Option<[Vec<f64>; 2]>,
     is_late: bool,
+    /// Its joints are on their way to the first pose: nothing is lifted, and all are slow.
+    is_arriving: bool,
     /// How fast springs draw joints, rad/s.
     pace_rad_s: Vec<f64>,
     /// Up in the axes of the base, and how fast it goes, of a robot that stands.
@@ -149,6 +152,7 @@ impl<'a> Adjuster<'a> {
             feet: None,
             before,
             is_late: false,
+            is_arriving: stands,
             pace_rad_s: vec![0.0; here_rad.len()],
             up,
         }
@@ -166,20 +170,27 @@ impl<'a> Adjuster<'a> {
         self.feet.as_ref().is_some_and(|feet| feet.step != Step::Stands)
     }
 
-    /// True while legs are on their way to where they should be already.
+    /// True while joints are on their way to the first pose.
+    #[must_use]
+    pub const fn is_arriving(&self) -> bool {
+        self.is_arriving
+    }
+
+    /// True while legs are not where they should be already.
     #[must_use]
     pub const fn is_late(&self) -> bool {
         self.is_late
     }
 
-    /// The pose `dt_s` after the one before, rad, in place of `pose`; `up` is up in the axes of the robot's base, `share` what
-    /// legs may use of how fast they can be.
-    pub fn next(&mut self, pose: &[f64], up: DVec3, dt_s: f64, share: f64) -> Vec<f64> {
+    /// The pose `dt_s` after the one before, rad, in place of `pose`; `up` is up in the axes of the robot's base. Who is
+    /// `approaching` goes slowly until all joints are there.
+    pub fn next(&mut self, pose: &[f64], up: DVec3, dt_s: f64, approaching: bool) -> Vec<f64> {
         // Who was silent for longer is taken up from where he was.
         let dt_s = dt_s.clamp(0.0, LONGEST_S);
-        let came = self.paced(pose, dt_s, share);
+        self.is_arriving |= approaching && self.stands;
+        let came = self.paced(pose, dt_s);
         let up = self.tilted(up, dt_s);
-        let stance = self.stance(&came, up, dt_s, share >= 1.0);
+        let stance = self.stance(&came, up, dt_s);
         let mut here = came.clone();
         for (part, stance) in [(&self.legs, stance.as_ref()), (&self.rest, None)] {
             if part.joints.is_empty() {
@@ -197,31 +208,32 @@ impl<'a> Adjuster<'a> {
         here
     }
 
-    /// The pose, with legs that a critically damped spring draws there, within what their joints can, all in the same
-    /// proportion: what stands on both does not stand if some are late, and what starts with a jerk falls.
-    fn paced(&mut self, pose: &[f64], dt_s: f64, share: f64) -> Vec<f64> {
+    /// The pose, with joints that critically damped springs draw there, within what they can, those of legs and all others in the
+    /// same proportion each: what stands on both does not stand if some are late, and what starts with a jerk falls.
+    fn paced(&mut self, pose: &[f64], dt_s: f64) -> Vec<f64> {
         let mut came = pose.to_vec();
         let Some([before, _]) = self.before.as_ref().filter(|_| self.stands) else { return came };
-        let mut most: f64 = 1.0;
-        for (part, hz) in [(&self.legs, LEGS_PER_S), (&self.rest, ARMS_PER_S)] {
+        let share = if self.is_arriving { APPROACH_SHARE } else { 1.0 };
+        let mut off_rad = [0.0_f64; 2];
+        let parts = [(&self.legs, LEGS_PER_S, LEG_PACE), (&self.rest, ARMS_PER_S, 1.0)];
+        for ((part, draws_per_s, pace), off_rad) in parts.into_iter().zip(&mut off_rad) {
+            let mut most: f64 = 1.0;
             for joint in &part.joints {
                 let velocity = &mut self.pace_rad_s[*joint];
                 let away_rad = pose[*joint] - before[*joint];
-                *velocity += (away_rad * hz.powi(2) - *velocity * 2.0 * hz) * dt_s;
+                *velocity +=
+                    (away_rad * draws_per_s.powi(2) - *velocity * 2.0 * draws_per_s) * dt_s;
+                most = most.max(velocity.abs() / (pace * share * self.velocity_rad_s[*joint]));
+            }
+            for joint in &part.joints {
+                let velocity = &mut self.pace_rad_s[*joint];
+                *velocity /= most;
                 came[*joint] = before[*joint] + *velocity * dt_s;
+                *off_rad = off_rad.max((pose[*joint] - came[*joint]).abs());
             }
         }
-        for joint in &self.legs.joints {
-            let reach_rad_s = LEG_PACE * share * self.velocity_rad_s[*joint];
-            most = most.max(self.pace_rad_s[*joint].abs() / reach_rad_s);
-        }
-        self.is_late = false;
-        for joint in &self.legs.joints {
-            let velocity = &mut self.pace_rad_s[*joint];
-            *velocity /= most;
-            came[*joint] = before[*joint] + *velocity * dt_s;
-            self.is_late |= (pose[*joint] - came[*joint]).abs() > LATE_RAD;
-        }
+        self.is_late = off_rad[0] > LATE_RAD;
+        self.is_arriving &= off_rad.iter().any(|off_rad| *off_rad > LATE_RAD);
         came
     }
 
@@ -234,7 +246,7 @@ impl<'a> Adjuster<'a> {
     }
 
     /// What both feet are to do now.
-    fn stance(&mut self, came: &[f64], up: DVec3, dt_s: f64, may_lift: bool) -> Option<Stance> {
+    fn stance(&mut self, came: &[f64], up: DVec3, dt_s: f64) -> Option<Stance> {
         let solver = &self.solver;
         let soles = solver.feet().filter(|_| self.stands)?;
         let placed = solver.place(came);
@@ -242,7 +254,7 @@ impl<'a> Adjuster<'a> {
         let went = self.before.as_ref().map(|[_, went]| solver.place(went));
         let feet = self.feet.get_or_insert_with(|| Feet::standing(&on_floor));
         let is_now = went.as_ref().map(|went| Floor::of(solver, soles, went, up));
-        feet.step(&on_floor, is_now.as_ref().unwrap_or(&on_floor), dt_s, may_lift);
+        feet.step(&on_floor, is_now.as_ref().unwrap_or(&on_floor), dt_s, !self.is_arriving);
         Some(feet.stance(up))
     }
 }

@@ -25,7 +25,7 @@ fn followed(op3: &Op3, stands: bool, seconds: f64, pose: impl Fn(f64) -> Vec<f64
     let solver = Solver::new(&of);
     let soles = solver.feet().expect("two feet");
     for at in 0..(seconds / STEP_S) as usize {
-        let here = adjuster.next(&pose(at as f64 * STEP_S), DVec3::Z, STEP_S, 1.0);
+        let here = adjuster.next(&pose(at as f64 * STEP_S), DVec3::Z, STEP_S, false);
         // As the floor sees it: up is the normal of the sole that is lower.
         let placed = solver.place(&here);
         let floor = Floor::of(&solver, soles, &placed, DVec3::Z);
@@ -156,6 +156,27 @@ fn an_arm_that_is_led_into_the_trunk_stays_outside_and_comes_back_to_what_it_is_
 }
 
 #[test]
+fn it_comes_to_the_first_pose_slowly_with_all_joints_and_only_then_lifts_a_foot() {
+    let op3 = op3();
+    let arm = op3.joint("r_el");
+    let went = followed(&op3, true, 5.0, |_| {
+        let mut pose = drawn_up(&op3, "l", 0.8);
+        pose[arm] -= 1.2;
+        pose
+    });
+    let fastest_rad_s = |joint: usize, until: usize| {
+        let step = |at: usize| (went.poses[at + 1][joint] - went.poses[at][joint]).abs() / STEP_S;
+        (0..until).map(step).fold(0.0, f64::max)
+    };
+    let there = (0..499).find(|at| (went.poses[*at][arm] - op3.start_rad[arm] + 1.2).abs() < 0.05);
+    let there = there.expect("it comes there");
+    assert!(there > 80, "{there}");
+    assert!(fastest_rad_s(arm, there) < APPROACH_SHARE * 4.8 + 0.01);
+    assert!((0..there).all(|at| went.height_m[at].iter().all(|height_m| *height_m < 0.002)));
+    assert_eq!(went.lifts, Some(Lifts { lifted: 1, kept_down: 0 }));
+}
+
+#[test]
 fn a_pause_in_which_nobody_spoke_is_no_leap() {
     let op3 = op3();
     let free = vec![true; op3.start_rad.len()];
@@ -166,7 +187,7 @@ fn a_pause_in_which_nobody_spoke_is_no_leap() {
     for step in 0..200 {
         let dt_s = if step % 20 == 19 { 2.0 } else { STEP_S };
         let pose = drawn_up(&op3, "r", if step < 100 { 0.0 } else { 0.8 });
-        let here = adjuster.next(&pose, DVec3::Z, dt_s, 1.0);
+        let here = adjuster.next(&pose, DVec3::Z, dt_s, false);
         for (now, before) in here.iter().zip(&before) {
             assert!(now.is_finite() && (now - before).abs() < 4.8 * LONGEST_S, "{now} {before}");
         }
