@@ -448,7 +448,7 @@ fn an_op3_with_weight_lifts_a_foot_when_it_stands_on_the_other_and_stays_up_what
         let report = weighed(motion, &[]);
         assert!(report["fell_at_s"].is_null(), "{motion}: {}", report["notes"]);
         let kept = report["feet"]["kept_down"].as_u64().expect("a number");
-        let is_told = report["notes"].to_string().contains("had put the foot down again");
+        let is_told = report["notes"].to_string().contains("had put down again");
         assert_eq!(is_told, kept > 0, "{motion}: {}", report["notes"]);
     }
     let hangs = weighed("side-kick-l", &["--hang"]);

@@ -143,8 +143,8 @@ pub fn note(lifts: Lifts) -> Option<String> {
     let Lifts { lifted, kept_down } = lifts;
     (kept_down > 0).then(|| {
         format!(
-            "it lifted a foot {lifted} times; {kept_down} times the person had put the foot down again before the weight was over the other one, and it \
-             stayed on the floor"
+            "feet lifted: {lifted}; feet that the person had put down again before the weight was over the other one, and that \
+             stayed on the floor: {kept_down}"
         )
     })
 }
