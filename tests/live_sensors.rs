@@ -99,9 +99,9 @@ fn rms_deg(squares: f64, count: usize) -> f64 {
 }
 
 /// Joint angles from the recorded orientations and the kept calibration against the truth, from the
-/// beginning of the motion on, deg, at the delay that fits best: on a busy machine the first sample is read some time after the
-/// person began.
-fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
+/// beginning of the motion on, deg: as the times say, and at the delay that fits best, for on a busy machine the first sample is
+/// read some time after the person began.
+fn body_errors_deg(recording: &Path, calibration: &Path, truth: &Truth) -> [f64; 2] {
     let text = std::fs::read_to_string(calibration).expect("kept");
     let kept = Kept::parse(&text).expect("a calibration");
     let mut wearing = Wearing::new(&kept.calibration);
@@ -142,7 +142,7 @@ fn body_error_deg(recording: &Path, calibration: &Path, truth: &Truth) -> f64 {
         }
         rms_deg(squares, found.len() * Dof::ALL.len())
     };
-    (0..50).map(|n| error(f64::from(n) * 0.01)).fold(f64::INFINITY, f64::min)
+    [error(0.0), (0..50).map(|n| error(f64::from(n) * 0.01)).fold(f64::INFINITY, f64::min)]
 }
 
 /// What the robot did during the motion against what it was to do, at the delay that fits best, deg.
@@ -224,10 +224,7 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
         robot_error_deg(&recorded, &truth)
     );
 
-    let output = gaitway(&folder)
-        .args(words(
-            "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms",
-        ))
+    let output = replaying(&folder)
         .args(words("--moves bow --record again.mcap --calibration-body again.toml --json"))
         .arg("--recognise")
         .output()
@@ -235,12 +232,12 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     let again = json(&output);
     assert_eq!((&again["outcome"], output.status.code()), (&"done".into(), Some(0)), "{again}");
     assert_eq!(again["referee"]["violations"].as_array().map(Vec::len), Some(0));
-    let body_deg = body_error_deg(&recorded, &folder.join("again.toml"), &truth);
+    let [body_deg, fitted_deg] = body_errors_deg(&recorded, &folder.join("again.toml"), &truth);
     let robot_deg = robot_error_deg(&folder.join("again.mcap"), &truth);
-    println!("again: joints of the body {body_deg:.2} deg RMSE, robot {robot_deg:.2} deg RMSE");
+    println!("again: joints of the body {body_deg:.2} deg RMSE ({fitted_deg:.2} at best), robot {robot_deg:.2} deg RMSE");
     strides_are_named(&again, &folder.join("again.mcap"));
     assert!(kept.exists());
-    assert!(body_deg < 3.0, "{body_deg}");
+    assert!(body_deg < 6.0 && fitted_deg < 3.0, "{body_deg} {fitted_deg}");
     assert!(robot_deg < 8.0, "{robot_deg}");
 
     swapped_legs_end_it_unless_that_is_insisted_on(&folder);
@@ -249,13 +246,18 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     the_recording_knows_its_wearer(&folder);
 }
 
+/// A virtual OP3 on a stand that follows once more who was recorded.
+fn replaying(folder: &Path) -> Command {
+    let mut command = gaitway(folder);
+    let from = "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms";
+    command.args(words(from));
+    command
+}
+
 /// Of the same walk it is said that each shank wears the other's sensor: N and T pose cannot tell, the walk does.
 fn swapped_legs_end_it_unless_that_is_insisted_on(folder: &Path) {
     let again = |more: &str| {
-        let output = gaitway(folder)
-            .args(words(
-                "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms",
-            ))
+        let output = replaying(folder)
             .args(words("--wear left_shank=right_shank right_shank=left_shank --json"))
             .args(words(more))
             .output()
@@ -339,9 +341,7 @@ fn whom_it_followed_stands_beside_it(folder: &Path) {
 fn the_recording_knows_its_wearer(folder: &Path) {
     for (file, holds) in [("wearer.bvh", "HIERARCHY"), ("said.csv", "sensor,number,")] {
         let output = gaitway(folder).args(["convert", "live.mcap", file]).output().expect("runs");
-        // On a busy machine a virtual sensor may have been silent, which is 3 and no less a file.
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         let text = std::fs::read_to_string(folder.join(file)).expect("written");
         assert!(text.contains(holds), "{}", &text[..200.min(text.len())]);
     }
@@ -376,10 +376,7 @@ fn strides_are_named(report: &serde_json::Value, recording: &Path) {
 /// The calibration that was kept is taken up in N pose alone; another body's is not.
 fn take_up_what_was_kept(folder: &Path) {
     let again = |extra: &str| {
-        let output = gaitway(folder)
-            .args(words(
-                "live --from replay:live.mcap --robot op3 --hang --bus sim --n-pose-after 500ms",
-            ))
+        let output = replaying(folder)
             .args(words("--calibration-body again.toml --for 3s --json"))
             .args(words(extra))
             .output()
@@ -432,9 +429,7 @@ fn a_wave_is_answered_by_a_bow_and_what_comes_meanwhile_is_counted_and_not_answe
         "--motion wave-r,wave-r,wave-r,wave-r --stand 7s --pty body --seed 3",
     );
     let output = gaitway(&folder)
-        .args(words(
-            "live --wear body/wear.toml --robot op3 --hang --bus sim:pty --n-pose-after 500ms",
-        ))
+        .args(words("live --wear body/wear.toml --robot op3 --bus sim:pty --n-pose-after 500ms"))
         .args(words("--moves bow --for 24s --record waves.mcap --rate 50 --json"))
         .output()
         .expect("runs");

@@ -2,7 +2,7 @@
 
 use super::follow;
 use super::model::robot_model;
-use super::observer::Observer;
+use super::observer::{Event, Observer};
 use super::play;
 use super::recorder::RunRecorder;
 use super::report::{Outcome, OwnProfile, PlayReport};
@@ -247,15 +247,14 @@ impl Job<'_> {
         let lean = self.report.run.trunk_lean_lost;
         self.report.run.notes.extend(lean.and_then(retarget::TrunkLean::note));
         self.report.run.notes.extend(online.notes().iter().cloned());
+        let body = FollowingBody::of(&robot, &model, &capture.tracked, self.order.hangs)?;
+        let warning = body.as_ref().and_then(FollowingBody::warning);
+        warning.into_iter().for_each(|warning| self.observer.hear(Event::Note(warning)));
         if self.order.dry_run {
             self.report.run.outcome = Outcome::Done;
             return Ok(());
         }
-        let body = FollowingBody::of(&robot, &model, &capture.tracked, self.order.hangs)?;
-        let adjusting = body.as_ref().map(FollowingBody::adjusting);
-        let here_rad = &ready.found.start_rad;
-        let adjuster = body.as_ref().zip(adjusting.as_ref());
-        let adjuster = adjuster.map(|(body, of)| body.adjuster(of, here_rad));
+        let adjuster = body.as_ref().map(|body| body.adjuster(&ready.found.start_rad));
         let mut onto = OntoRobot::new(&model, online, adjuster);
         let longest_s = self.order.time.map(|time| time.as_secs_f64());
         let mut performer = Performer::new(capture, longest_s);

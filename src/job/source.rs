@@ -26,7 +26,7 @@ use crate::mocap::opensim as mocap_opensim;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
-use crate::retarget::adjust::{self, Adjusting, adjust};
+use crate::retarget::adjust::{self, Adjustable, Adjusting, adjust};
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::Toe;
 use crate::retarget::{Footfall, footfall};
@@ -310,10 +310,12 @@ impl<'a> Placed<'a> {
 
     fn adjusting(&self, rate_hz: f64, slower: Option<f64>) -> Adjusting<'_> {
         Adjusting {
-            body: self.body,
-            start_rad: &self.start_rad,
-            limits_rad: &self.limits_rad,
-            free: &self.free,
+            robot: Adjustable {
+                body: self.body,
+                start_rad: &self.start_rad,
+                limits_rad: &self.limits_rad,
+                free: &self.free,
+            },
             rate_hz,
             footfalls: None,
             slower,

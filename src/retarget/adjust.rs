@@ -88,9 +88,9 @@ pub struct Adjusted {
     pub moved_rad: Vec<f64>,
 }
 
-/// What is adjusted.
+/// A robot whose joints are moved.
 #[derive(Clone, Copy, Debug)]
-pub struct Adjusting<'a> {
+pub struct Adjustable<'a> {
     /// The robot.
     pub body: &'a RobotBody,
     /// The pose it starts in by its file, rad.
@@ -99,6 +99,13 @@ pub struct Adjusting<'a> {
     pub limits_rad: &'a [(f64, f64)],
     /// Which of them may be moved.
     pub free: &'a [bool],
+}
+
+/// What is adjusted of a whole clip.
+#[derive(Clone, Copy, Debug)]
+pub struct Adjusting<'a> {
+    /// Whose clip it is.
+    pub robot: Adjustable<'a>,
     /// Poses per second.
     pub rate_hz: f64,
     /// What its feet do, pose by pose; nothing if it need not stand.
@@ -112,9 +119,9 @@ pub struct Adjusting<'a> {
 pub fn pace(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Pace {
     let count = angles_rad.first().map_or(0, Vec::len);
     let (Some(footfalls), Some(slower)) = (of.footfalls, of.slower) else { return Pace::Even };
-    let solver = Solver::new(of);
+    let solver = Solver::new(of.robot);
     let (legs, _) = solver.parts();
-    if count < 3 || angles_rad.len() != of.free.len() || legs.joints.is_empty() {
+    if count < 3 || angles_rad.len() != of.robot.free.len() || legs.joints.is_empty() {
         return Pace::Even;
     }
     let Nodes { stride, nodes, rate_hz, poses } = Nodes::of(of, angles_rad);
@@ -154,11 +161,11 @@ impl Nodes {
 /// None that is known: of a spline through what is added.
 pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjusted, Error> {
     let count = angles_rad.first().map_or(0, Vec::len);
-    if count < 3 || angles_rad.len() != of.free.len() {
+    if count < 3 || angles_rad.len() != of.robot.free.len() {
         return Ok(Adjusted { moved_rad: vec![0.0; angles_rad.len()], ..Adjusted::default() });
     }
     let given = angles_rad.to_vec();
-    let solver = Solver::new(of);
+    let solver = Solver::new(of.robot);
     let Nodes { stride, nodes, rate_hz, mut poses } = Nodes::of(of, &given);
     let stance = of.footfalls.map(|footfalls| solver.stance(footfalls, &nodes, of.rate_hz));
     let touching = |poses: &[Vec<f64>]| poses.iter().filter(|pose| solver.touches(pose)).count();
@@ -203,7 +210,7 @@ pub fn adjust(of: &Adjusting<'_>, angles_rad: &mut [Vec<f64>]) -> Result<Adjuste
                     *angle += spline.sample(at as f64)[0];
                 }
             }
-            hold(series, given, of.limits_rad[joint])?;
+            hold(series, given, of.robot.limits_rad[joint])?;
             let apart_rad = series.iter().zip(given).map(|(angle, given)| (angle - given).abs());
             moved_rad = apart_rad.fold(0.0, f64::max);
         }
@@ -271,7 +278,7 @@ struct SoleFrame {
 
 /// What is the same for all poses.
 struct Solver<'a> {
-    of: &'a Adjusting<'a>,
+    of: Adjustable<'a>,
     inside: SelfContact,
     soles: Vec<StandingSole>,
     /// Of each link, what moves it.
@@ -360,7 +367,7 @@ impl Normal {
 }
 
 impl<'a> Solver<'a> {
-    fn new(of: &'a Adjusting<'a>) -> Self {
+    fn new(of: Adjustable<'a>) -> Self {
         let links = of.body.tree.links();
         let joints = of.free.len();
         let own = |link: usize| -> Vec<Mover> {

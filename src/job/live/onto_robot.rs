@@ -6,7 +6,7 @@ use crate::body::worn::limb::WornLimb;
 use crate::body::{Segment, SegmentPose};
 use crate::error::Error;
 use crate::mocap::retarget::{Online, RobotModel};
-use crate::retarget::adjust::{Adjuster, Adjusting, Lifts};
+use crate::retarget::adjust::{Adjustable, Adjuster, Lifts};
 use crate::retarget::base::{Held, StandingSole};
 use crate::robot::{Joint, Robot, RobotBody};
 use glam::DVec3;
@@ -61,21 +61,18 @@ impl FollowingBody {
         }))
     }
 
-    /// What is adjusted of it.
-    pub fn adjusting(&self) -> Adjusting<'_> {
-        Adjusting {
-            body: &self.body,
-            start_rad: &self.start_rad,
-            limits_rad: &self.limits_rad,
-            free: &self.free,
-            rate_hz: 0.0,
-            footfalls: None,
-            slower: None,
-        }
+    /// What somebody should know before it follows: that it is taken to stand. `None` of one that need not.
+    pub fn warning(&self) -> Option<&'static str> {
+        self.stands.then_some(
+            "the robot is taken to stand on its feet, and lifts one only once its weight is over the other; --hang if it \
+             hangs on a stand",
+        )
     }
 
     /// Who moves its poses one by one, from where its joints are.
-    pub fn adjuster<'a>(&'a self, of: &'a Adjusting<'a>, here_rad: &[f64]) -> Adjuster<'a> {
+    pub fn adjuster(&self, here_rad: &[f64]) -> Adjuster<'_> {
+        let Self { body, start_rad, limits_rad, free, .. } = self;
+        let of = Adjustable { body, start_rad, limits_rad, free };
         Adjuster::new(of, &self.velocity_rad_s, here_rad, self.stands)
     }
 }

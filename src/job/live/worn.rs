@@ -479,10 +479,10 @@ impl Job<'_> {
         }
         report.run.notes.extend(online.notes().iter().cloned());
         let following = FollowingBody::of(&robot, &model, &worn, self.order.hangs)?;
-        let adjusting = following.as_ref().map(FollowingBody::adjusting);
-        let adjuster = following.as_ref().zip(adjusting.as_ref());
-        let adjuster =
-            adjuster.map(|(following, of)| following.adjuster(of, &ready.found.start_rad));
+        let warning = following.as_ref().and_then(FollowingBody::warning);
+        warning.into_iter().for_each(|warning| self.observer.hear(Event::Note(warning)));
+        let here_rad = &ready.found.start_rad;
+        let adjuster = following.as_ref().map(|following| following.adjuster(here_rad));
         let mut onto = OntoRobot::new(&model, online, adjuster);
         let mut trend = Trend::default();
         let of_limbs = WornLimb::ALL.map(|limb| lost::joints(&model, limb));

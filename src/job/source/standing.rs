@@ -12,7 +12,7 @@ use crate::motion::tempo;
 use crate::motion::{End, Path, Spline};
 use crate::retarget::Footfall;
 use crate::retarget::adjust::{
-    Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady, survives,
+    Adjustable, Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady, survives,
 };
 use crate::retarget::effort;
 use crate::retarget::footfall;
@@ -272,7 +272,8 @@ impl<'a> OnItsFeet<'a> {
         let Some(mut made) = made else { return Ok(None) };
         let mut arms = placed.free.clone();
         made.legs.iter().for_each(|joint| arms[*joint] = false);
-        let of = Adjusting { free: &arms, ..placed.adjusting(rate_hz, None) };
+        let of = placed.adjusting(rate_hz, None);
+        let of = Adjusting { robot: Adjustable { free: &arms, ..of.robot }, ..of };
         let mut apart_rad = made.angles_rad.clone();
         adjust(&of, &mut apart_rad)?;
         for (series, apart_rad) in made.angles_rad.iter_mut().zip(&apart_rad) {

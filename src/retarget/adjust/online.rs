@@ -7,7 +7,7 @@
 
 use super::weight::Goal;
 use super::{
-    Adjusting, Clip, ENOUGH, LONGEST_STEP_RAD, Normal, Part, RAMP_S, ROOM_WEIGHT,
+    Adjustable, Clip, ENOUGH, LONGEST_STEP_RAD, Normal, Part, RAMP_S, ROOM_WEIGHT,
     SHORTEST_STEP_RAD, Solver, Stance,
 };
 use crate::motion::follow::APPROACH_SHARE;
@@ -120,10 +120,10 @@ pub struct Adjuster<'a> {
 
 impl<'a> Adjuster<'a> {
     /// Of a robot that stands on its own feet or does not, whose joints turn by so much at most, rad/s, and are at `here_rad`
-    /// now. Of what is adjusted, rate, footfalls and pace are for whole clips and mean nothing here.
+    /// now.
     #[must_use]
     pub fn new(
-        of: &'a Adjusting<'a>,
+        of: Adjustable<'a>,
         velocity_rad_s: &'a [f64],
         here_rad: &[f64],
         stands: bool,

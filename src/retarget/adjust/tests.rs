@@ -4,9 +4,9 @@ use core::f64::consts::PI;
 const RATE_HZ: f64 = 100.0;
 
 pub(super) struct Op3 {
-    pub(super) body: RobotBody,
+    body: RobotBody,
     names: Vec<String>,
-    pub(super) limits_rad: Vec<(f64, f64)>,
+    limits_rad: Vec<(f64, f64)>,
     pub(super) start_rad: Vec<f64>,
 }
 
@@ -42,16 +42,17 @@ impl Op3 {
         series
     }
 
-    pub(super) fn adjusting<'a>(&'a self, free: &'a [bool]) -> Adjusting<'a> {
-        Adjusting {
+    pub(super) fn adjustable<'a>(&'a self, free: &'a [bool]) -> Adjustable<'a> {
+        Adjustable {
             body: &self.body,
             start_rad: &self.start_rad,
             limits_rad: &self.limits_rad,
             free,
-            rate_hz: RATE_HZ,
-            footfalls: None,
-            slower: None,
         }
+    }
+
+    fn adjusting<'a>(&'a self, free: &'a [bool]) -> Adjusting<'a> {
+        Adjusting { robot: self.adjustable(free), rate_hz: RATE_HZ, footfalls: None, slower: None }
     }
 
     fn adjusted(

@@ -350,7 +350,7 @@ pub fn steady(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Pace, Error
 /// # Errors
 /// A rate at which nothing can be filtered.
 pub fn is_steady(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
-    let solver = Solver::new(of);
+    let solver = Solver::new(of.robot);
     let (Some(feet), Some(balance)) = (solver.feet(), at_own_pace(of, angles_rad)?) else {
         return Ok(true);
     };
@@ -374,7 +374,8 @@ pub fn stays(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error>
 /// Of a spline.
 pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
     let count = angles_rad.first().map_or(0, Vec::len);
-    let (Some(footfalls), Some(slower), Some(drive)) = (of.footfalls, of.slower, of.body.drive)
+    let (Some(footfalls), Some(slower), Some(drive)) =
+        (of.footfalls, of.slower, of.robot.body.drive)
     else {
         return Ok(true);
     };
@@ -383,7 +384,7 @@ pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Err
     }
     let look = Look::of(of, footfalls, slower, angles_rad)?;
     let Looked { poses, path, .. } = look.looked((0..count).map(|at| at as f64).collect());
-    let (body, soles) = (of.body, look.soles.as_slice());
+    let (body, soles) = (of.robot.body, look.soles.as_slice());
     let on = OnFloor { body, soles, drive, friction: 1.0, poses: &poses, path: &path };
     Ok(on.softly().lost_at().is_none() && on.lost_at().is_none())
 }
@@ -424,7 +425,7 @@ impl<'a> Look<'a> {
     ) -> Result<Self, Error> {
         let spline = |series: &Vec<f64>| Spline::through(series.clone(), 1.0, End::Free, End::Free);
         let splines = angles_rad.iter().map(spline).collect::<Result<_, _>>()?;
-        Ok(Self { of, footfalls, slower, soles: StandingSole::all(of.body), splines })
+        Ok(Self { of, footfalls, slower, soles: StandingSole::all(of.robot.body), splines })
     }
 
     /// Some of these times, in samples, one after the other, and what it does then.
@@ -437,14 +438,14 @@ impl<'a> Look<'a> {
         let poses: Vec<Vec<f64>> = times.iter().map(pose).collect();
         let said = footfall::at_times(self.footfalls, &times, rate_hz);
         let said = |at: usize| said.get(at).copied();
-        let body = self.of.body;
+        let body = self.of.robot.body;
         let path = base::path(body, &self.soles, Held::Standing, &poses, rate_hz, said);
         Looked { times, poses, path }
     }
 
     /// What becomes of it at these times, in samples, one after the other; the times that were looked at.
     fn at(&self, times: Vec<f64>) -> Result<(Vec<f64>, Balance), Error> {
-        let body = self.of.body;
+        let body = self.of.robot.body;
         let Looked { times, poses, path } = self.looked(times);
         let rate_hz = path.rate_hz;
         let mut load = FloorLoad::new(body, &self.soles, rate_hz);

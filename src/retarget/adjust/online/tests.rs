@@ -17,12 +17,12 @@ struct Went {
 /// Follows a pose of all joints that changes with time, s, from where the robot stands at first.
 fn followed(op3: &Op3, stands: bool, seconds: f64, pose: impl Fn(f64) -> Vec<f64>) -> Went {
     let free = vec![true; op3.start_rad.len()];
-    let of = op3.adjusting(&free);
+    let of = op3.adjustable(&free);
     let velocity_rad_s = vec![4.8; free.len()];
-    let mut adjuster = Adjuster::new(&of, &velocity_rad_s, &op3.start_rad, stands);
+    let mut adjuster = Adjuster::new(of, &velocity_rad_s, &op3.start_rad, stands);
     let mut went =
         Went { poses: Vec::new(), height_m: Vec::new(), inside_m: Vec::new(), lifts: None };
-    let solver = Solver::new(&of);
+    let solver = Solver::new(of);
     let soles = solver.feet().expect("two feet");
     for at in 0..(seconds / STEP_S) as usize {
         let here = adjuster.next(&pose(at as f64 * STEP_S), DVec3::Z, STEP_S, false);
@@ -180,9 +180,9 @@ fn it_comes_to_the_first_pose_slowly_with_all_joints_and_only_then_lifts_a_foot(
 fn a_pause_in_which_nobody_spoke_is_no_leap() {
     let op3 = op3();
     let free = vec![true; op3.start_rad.len()];
-    let of = op3.adjusting(&free);
+    let of = op3.adjustable(&free);
     let velocity_rad_s = vec![4.8; free.len()];
-    let mut adjuster = Adjuster::new(&of, &velocity_rad_s, &op3.start_rad, true);
+    let mut adjuster = Adjuster::new(of, &velocity_rad_s, &op3.start_rad, true);
     let mut before = op3.start_rad.clone();
     for step in 0..200 {
         let dt_s = if step % 20 == 19 { 2.0 } else { STEP_S };
