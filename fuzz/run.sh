@@ -1,12 +1,12 @@
 #!/bin/sh
-# Builds the fuzz targets once and runs each for SECONDS (default 30), or only those named, as many at once as there are
-# processors:
+# Builds the fuzz targets, which are one program, and runs each for SECONDS (default 30), or only those named, as many at once
+# as there are processors:
 #     fuzz/run.sh [SECONDS [TARGET ..]]
 # Works with the stable compiler, without cargo-fuzz: libFuzzer comes with the crate libfuzzer-sys,
 # the coverage it needs from rustc's own passes. Fails if a target finds something,
 # and leaves the input under fuzz/artifacts/.
 #
-# To add a target: fuzz_targets/NAME.rs, a [[bin]] in Cargo.toml, and what it should start from
+# To add a target: src/targets/NAME.rs, its name in src/targets.rs, and what it should start from
 # under seeds/: NAME.hex (one seed per line, # begins a comment), files in NAME/, or NAME.files, which
 # names files of the project, one pattern per line. Longest input: 2048 bytes, or what NAME.files begins
 # with as `max_len N`.
@@ -42,7 +42,7 @@ if [ "${1:-}" = one ]; then
             esac
         done < "seeds/$name.files"
     fi
-    "target/$target/release/$name" "$corpus" -max_total_time="$seconds" -max_len="$longest" \
+    GAITWAY_FUZZ=$name "target/$target/release/gaitway-fuzz" "$corpus" -max_total_time="$seconds" -max_len="$longest" \
         -timeout=5 -rss_limit_mb=1024 -print_final_stats=1 -artifact_prefix="artifacts/$name-" \
         2> "artifacts/$name.log" || { tail -40 "artifacts/$name.log"; exit 1; }
     # In one piece: others are told at the same time.
@@ -53,7 +53,7 @@ fi
 
 seconds=${1:-30}
 [ $# -gt 0 ] && shift
-[ $# -gt 0 ] || set -- $(ls fuzz_targets | sed 's/\.rs$//')
+[ $# -gt 0 ] || set -- $(ls src/targets | sed 's/\.rs$//')
 
 RUSTFLAGS="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
 -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table \

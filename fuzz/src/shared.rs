@@ -6,7 +6,13 @@
 use gaitway::wire::Decoded;
 use gaitway::wire::checksum::{crc16, sum8};
 use gaitway_profiles::{LineKind, Robot, Setup};
+use peakmem_alloc::{INSTRUMENTED_SYSTEM, PeakMemAlloc};
+use std::alloc::System;
 use std::path::{Path, PathBuf};
+
+/// Tells how much memory a target took; the same one for all targets, since they are one program.
+#[global_allocator]
+pub static ALLOCATOR: &PeakMemAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 /// A status that owns its bytes: id, and whatever else identifies what was read.
 pub type Seen = (u8, Vec<u8>);

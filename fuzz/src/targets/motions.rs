@@ -1,14 +1,11 @@
 //! Any bytes as a capture (BVH) and as a table of joint angles (CSV): no panic, every bound kept,
 //! and a capture that is read is read the same after it was written.
 
-#![no_main]
-
 use gaitway::job::source::joints;
 use gaitway::mocap::bvh::{self, Bvh, MAX_DEPTH, MAX_JOINTS, MAX_POSES};
 use gaitway::mocap::clip::Clip;
 use gaitway::mocap::mapping::Mapping;
-use gaitway_fuzz::Scratch;
-use libfuzzer_sys::fuzz_target;
+use crate::shared::Scratch;
 
 fn capture(text: &[u8]) {
     let Ok(bvh) = bvh::parse(text) else { return };
@@ -44,9 +41,9 @@ fn plain(mut bvh: Bvh) -> Bvh {
     bvh
 }
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     capture(input);
     let scratch = Scratch::new("motions");
     let path = scratch.write("table.csv", input);
     let _ = joints::read(&path, &["a".to_owned(), "b".to_owned()]);
-});
+}

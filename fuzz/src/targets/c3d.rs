@@ -1,13 +1,10 @@
 //! Any bytes as a C3D file: no panic, never more than the file can hold, and what is read is read the same
 //! after it was written.
 
-#![no_main]
-
 use gaitway::mocap::c3d::{Reader, write::write};
 use gaitway::mocap::markers::{Frames, FramesOf, Markers};
-use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let Ok(reader) = Reader::new(input, input.len() as u64) else { return };
     let _ = reader.findings();
     let head = reader.head().clone();
@@ -27,4 +24,4 @@ fuzz_target!(|input: &[u8]| {
             assert_eq!(of(&again), of(&markers));
         }
     }
-});
+}

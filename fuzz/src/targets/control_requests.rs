@@ -1,12 +1,9 @@
 //! Any bytes as requests of the control channel: no panic, no more output than its bound, and the same
 //! replies from another world.
 
-#![no_main]
-
-use gaitway_fuzz::mixed_robot;
+use crate::shared::mixed_robot;
 use gaitway_sim::control::{Session, Surroundings};
 use gaitway_sim::{Options, World};
-use libfuzzer_sys::fuzz_target;
 use std::time::Duration;
 
 /// What may wait for a program that does not read, bytes.
@@ -14,7 +11,7 @@ const MOST_UNREAD: usize = 3 << 20;
 /// Time that passes on the way to each look, so that whoever waits is told in the end.
 const LOOK: Duration = Duration::from_secs(900);
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let Some((&first, requests)) = input.split_first() else { return };
     let reads = first & 1 == 0;
     let replies = || {
@@ -43,4 +40,4 @@ fuzz_target!(|input: &[u8]| {
         said
     };
     assert_eq!(replies(), replies());
-});
+}

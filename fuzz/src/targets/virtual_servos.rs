@@ -1,14 +1,11 @@
 //! Any bytes from a host to virtual servos of every family: no panic, an end in bounded time, and
 //! nothing said that is not in the form of the family; what the host does wrong, it hears nothing of.
 
-#![no_main]
-
 use gaitway::wire::Decoded;
 use gaitway::wire::dynamixel2;
-use gaitway_fuzz::{mend_dynamixel2, mend_feetech, mixed_robot};
+use crate::shared::{mend_dynamixel2, mend_feetech, mixed_robot};
 use gaitway_profiles::Robot;
 use gaitway_sim::{Options, World};
-use libfuzzer_sys::fuzz_target;
 
 /// Time for everything to be said, ns.
 const LATER_NS: u64 = 2_000_000_000;
@@ -52,7 +49,7 @@ fn one_answer(packet: &[u8]) {
 }
 
 // The first byte is the portion in which the line comes.
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let [portion, line @ ..] = input else { return };
     let portion = usize::from(*portion).max(1);
     let (robot, mut line) = (mixed_robot(), line.to_vec());
@@ -66,4 +63,4 @@ fuzz_target!(|input: &[u8]| {
     {
         one_answer(&gaitway_fuzz::dynamixel2_packet(1, code % 2 + 1, params));
     }
-});
+}

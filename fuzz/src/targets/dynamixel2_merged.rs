@@ -1,11 +1,8 @@
 //! Any bytes read as the merged status of any fast read: no panic, one verdict per device asked,
 //! and an answer once whole stays what it is when more bytes arrive.
 
-#![no_main]
-
 use gaitway::wire::checksum::crc16;
 use gaitway::wire::dynamixel2::{Id, MAX_PACKET, Status, decode_merged};
-use libfuzzer_sys::fuzz_target;
 
 /// Puts right every CRC of a merged status that begins the line, by the lengths asked for.
 fn mend(line: &mut [u8], asked: &[(Id, usize)]) {
@@ -34,7 +31,7 @@ fn check(line: &[u8], asked: &[(Id, usize)]) {
 }
 
 // The first byte says how many devices were asked; two bytes for each follow, id and length.
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let [devices, rest @ ..] = input else { return };
     let (asked, line) = rest.split_at(rest.len().min(2 * usize::from(devices % 32)));
     let asked: Vec<_> = asked
@@ -45,4 +42,4 @@ fuzz_target!(|input: &[u8]| {
     let mut line = line.to_vec();
     mend(&mut line, &asked);
     check(&line, &asked);
-});
+}

@@ -1,19 +1,13 @@
 //! Any text as every kind of profile: no panic, never more memory than the estimate that admits it,
 //! and whatever is accepted can be built: a robot with its links, a virtual robot, an actuator.
 
-#![no_main]
-
+use crate::shared::ALLOCATOR;
 use gaitway::capture::{Chain, Mode};
 use gaitway::robot::Robot;
 use gaitway_profiles as profiles;
 use gaitway_sim::can::Actuator;
 use gaitway_sim::{Options, World};
-use libfuzzer_sys::fuzz_target;
-use peakmem_alloc::{INSTRUMENTED_SYSTEM, PeakMemAlloc, PeakMemAllocTrait};
-use std::alloc::System;
-
-#[global_allocator]
-static ALLOCATOR: &PeakMemAlloc<System> = &INSTRUMENTED_SYSTEM;
+use peakmem_alloc::PeakMemAllocTrait;
 
 /// An error's words, with the line it is about, and what is there before any table is.
 const ALWAYS_BYTES: usize = 4096;
@@ -30,7 +24,7 @@ fn estimate_holds(text: &str) {
     );
 }
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else { return };
     estimate_holds(text);
     // A profile is called what its file is called.
@@ -55,4 +49,4 @@ fuzz_target!(|input: &[u8]| {
             }
         }
     }
-});
+}

@@ -1,14 +1,11 @@
 //! Any text as markers (TRC, CSM, a table), as a table of OpenSim's, of joint angles or of sensors: no panic, and markers that were
 //! read are read the same after they were written.
 
-#![no_main]
-
 use gaitway::action::table;
 use gaitway::capture::Mode;
 use gaitway::mocap::markers::{FramesOf, Markers};
 use gaitway::mocap::{csm, marker_table, opensim, trc};
 use gaitway::session::tables::{self, DeclaredSensors};
-use libfuzzer_sys::fuzz_target;
 
 /// What a table of one sensor may be called.
 const SENSOR: &str = r#"
@@ -30,7 +27,7 @@ fn same(a: &Markers, b: &Markers) {
     }
 }
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     if let Ok(markers) = trc::parse(input) {
         let mut text = Vec::new();
         // A label of nothing but blanks, or none, is not found again.
@@ -68,4 +65,4 @@ fuzz_target!(|input: &[u8]| {
         let _ = marker_table::write(&mut text, &mut FramesOf::new(&markers));
         let _ = marker_table::parse(&text);
     }
-});
+}

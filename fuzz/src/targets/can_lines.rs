@@ -2,15 +2,12 @@
 //! to an adapter that speaks slcan, and from one to the driver. No panic, numbers finite, an adapter that
 //! says and hears the same however its bytes are cut, and two codecs that read what the other writes.
 
-#![no_main]
-
 use gaitway::wire::can::slcan::{self, SlcanReader, SlcanSaid};
 use gaitway::wire::can::{
     CanFrame, CanId, Format, cubemars, damiao, error_frame, moteus, odrive, recoil, robstride,
 };
 use gaitway_sim::can::slcan::Adapter;
 use gaitway_sim::can::{self as sim, Actuator, CanHeard, CanLine, CanOptions};
-use libfuzzer_sys::fuzz_target;
 
 const MODELS: [&str; 7] =
     ["ak80-9", "ak80-9-servo", "dm4310", "cybergear", "odrive-s1", "moteus-n1", "recoil-5010"];
@@ -146,7 +143,7 @@ fn driver(bytes: &[u8], frames: &[CanFrame]) {
 
 // The first byte is the family, or the portion in which an adapter's bytes come; frames of an
 // actuator are cut from the rest, up to 13 bytes each.
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let [first, rest @ ..] = input else { return };
     let portion = usize::from(*first).max(1);
     assert_eq!(adapter(rest, portion), adapter(rest, rest.len().max(1)));
@@ -159,4 +156,4 @@ fuzz_target!(|input: &[u8]| {
     let model = MODELS[usize::from(*first) % MODELS.len()];
     actuator(model, &short);
     actuator(model, long.as_slice());
-});
+}

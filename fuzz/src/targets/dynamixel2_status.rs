@@ -1,12 +1,9 @@
 //! Any line of Protocol 2.0: no panic, progress at every step, and the same statuses whether the
 //! bytes arrive at once or a few at a time. What is accepted is what the encoder would have sent.
 
-#![no_main]
-
 use gaitway::wire::Decoded;
 use gaitway::wire::dynamixel2::{MAX_PACKET, abandon, decode};
-use gaitway_fuzz::{Seen, mend_dynamixel2, read_line};
-use libfuzzer_sys::fuzz_target;
+use crate::shared::{Seen, mend_dynamixel2, read_line};
 
 fn statuses(line: &[u8], portion: usize) -> Vec<Seen> {
     let mut scratch = Vec::new();
@@ -26,11 +23,11 @@ fn statuses(line: &[u8], portion: usize) -> Vec<Seen> {
 }
 
 // The first byte is the portion in which the line arrives.
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let [portion, line @ ..] = input else { return };
     let portion = usize::from(*portion).max(1);
     assert_eq!(statuses(line, portion), statuses(line, line.len() + 1));
     let mut line = line.to_vec();
     mend_dynamixel2(&mut line);
     assert_eq!(statuses(&line, portion), statuses(&line, line.len() + 1));
-});
+}

@@ -1,14 +1,11 @@
 //! Any bytes as a recording, through everything that reads one: no panic, and what is recovered is a
 //! finished file that says the same.
 
-#![no_main]
-
 use gaitway::job::source::joints;
 use gaitway::recording::{
     Recording, read_orientations, recover, run_start, sensor_series, summary, write_csv,
 };
-use gaitway_fuzz::Scratch;
-use libfuzzer_sys::fuzz_target;
+use crate::shared::Scratch;
 
 /// Makes the records of every chunk good as they are: a check sum of zero says that there is none.
 fn mend(file: &mut [u8]) {
@@ -50,10 +47,10 @@ fn check(scratch: &Scratch, bytes: &[u8]) {
     }
 }
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let scratch = Scratch::new("recordings");
     check(&scratch, input);
     let mut input = input.to_vec();
     mend(&mut input);
     check(&scratch, &input);
-});
+}

@@ -2,14 +2,11 @@
 //! whether the bytes arrive at once or a few at a time; samples of them are numbered in order and have
 //! orientations that are some. SlimeVR datagrams besides.
 
-#![no_main]
-
 use gaitway::capture::{Chain, Mode};
 use gaitway::time::{Duration, Instant};
 use gaitway::wire::Decoded;
 use gaitway::wire::sensor::{Column, Format, Lines, Stream, decode, slimevr};
 use gaitway_profiles::{Sensor, sensor};
-use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 
 /// Shipped sensors, by number of format.
@@ -85,7 +82,7 @@ fn samples(number: u8, line: &[u8]) {
 }
 
 // The first two bytes are the format and the portion in which the line arrives.
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let [number, portion, line @ ..] = input else { return };
     samples(*number, line);
     let format = format(*number);
@@ -103,4 +100,4 @@ fuzz_target!(|input: &[u8]| {
     }
     let portion = usize::from(*portion).max(1);
     assert_eq!(readings(&format, line, portion), readings(&format, line, line.len().max(1)));
-});
+}

@@ -1,13 +1,10 @@
 //! Any bytes in answer to any question of the bus, in all four protocols: no panic, an end in
 //! bounded time, one verdict per device asked, and never an answer of another length.
 
-#![no_main]
-
 use gaitway::bus::scan::scan;
 use gaitway::bus::{Bus, GroupItem, GroupQuestion, GroupRead, Protocol, Timing};
 use gaitway::port::{BytePort, Clock, PortError};
 use gaitway::time::{Duration, Instant};
-use libfuzzer_sys::fuzz_target;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -59,7 +56,7 @@ const KINDS: [GroupRead; 4] =
     [GroupRead::Sync, GroupRead::Fast, GroupRead::Bulk, GroupRead::FastBulk];
 
 // Protocol, question, portion and number of devices, then what the line says.
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let [protocol, question, portion, devices, bytes @ ..] = input else { return };
     let protocol = PROTOCOLS[usize::from(protocol % 4)];
     let line = Babbler {
@@ -101,4 +98,4 @@ fuzz_target!(|input: &[u8]| {
         }
     }
     assert!(line.now() <= budget + Duration::from_secs(1));
-});
+}

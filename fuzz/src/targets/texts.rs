@@ -1,8 +1,6 @@
 //! Any text as an action, a mapping, a calibration of a robot or of a body, a plan, the files of a
 //! session, edits of markers and thresholds of a corpus: no panic, and what is accepted is read the same after it was written.
 
-#![no_main]
-
 use gaitway::action::{file, phrase};
 use gaitway::body::anthropometry::Subject;
 use gaitway::body::worn::kept::Kept;
@@ -15,7 +13,6 @@ use gaitway::session::files::{BodyCheck, DeviceCheck, SessionFile, TrialFile};
 use gaitway::session::manifest::Manifest;
 use gaitway::session::plan::Plan;
 use gaitway::toml_text::from_toml;
-use libfuzzer_sys::fuzz_target;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -49,7 +46,7 @@ fn edits(text: &str) {
     }
 }
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else { return };
     action(text);
     edits(text);
@@ -77,4 +74,4 @@ fuzz_target!(|input: &[u8]| {
     if let Some(subject) = session::<Subject>(text) {
         let _ = subject.check();
     }
-});
+}

@@ -1,10 +1,7 @@
 //! Any text as a script of faults: no panic, and a virtual robot that runs with what is accepted.
 
-#![no_main]
-
-use gaitway_fuzz::{dynamixel1_packet, dynamixel2_packet, mixed_robot};
+use crate::shared::{dynamixel1_packet, dynamixel2_packet, mixed_robot};
 use gaitway_sim::{Options, Script, World};
-use libfuzzer_sys::fuzz_target;
 
 /// How long the robot is asked, ns; one question in each millisecond.
 const STEPS: u64 = 30;
@@ -12,7 +9,7 @@ const STEP_NS: u64 = 1_000_000;
 /// Lies and garbage included, no answer to a ping is longer than a script may make it.
 const LONGEST_ANSWER: usize = 2 * (4096 + 64);
 
-fuzz_target!(|input: &[u8]| {
+pub fn fuzz(input: &[u8]) {
     let Ok(text) = std::str::from_utf8(input) else { return };
     let Ok(script) = Script::parse(text) else { return };
     assert!(script.faults.len() <= text.len());
@@ -32,4 +29,4 @@ fuzz_target!(|input: &[u8]| {
         assert_eq!(world.now_ns(), until_ns.max(world.now_ns()));
     }
     let _ = world.verdict();
-});
+}
