@@ -151,9 +151,9 @@ fn faults_befall_only_a_robot_of_this_process_and_a_script_sets_nothing_else() {
     assert_eq!(output.status.code(), Some(1));
 }
 
-/// Who fell, when, of the runs of the part `check` of `tests/balance/measure.py`: what befell the walk, and whether it balanced.
+/// What a script of `tests/balance` writes of the program under test and OP3 in MuJoCo, row by row.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-fn judged_by_mujoco() -> Option<Vec<(String, bool, Option<f64>)>> {
+fn judged_by_mujoco(script: &str, arguments: &[&str]) -> Option<Vec<Value>> {
     let model = captured::captured("robots")?.join("robotis_op3/robotis_op3_lite.xml");
     let python = match python::python() {
         Ok(python) => python,
@@ -166,27 +166,24 @@ fn judged_by_mujoco() -> Option<Vec<(String, bool, Option<f64>)>> {
         aloud!("SKIPPED: nothing was judged: no cc, which makes tests/balance/clock.c");
         return None;
     }
-    let results = folder("balance-in-mujoco").join("results.jsonl");
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/balance/measure.py");
+    let results = folder(&format!("{script}-in-mujoco")).join("results.jsonl");
     let run = Command::new(&python.program)
         .env("XDG_CONFIG_HOME", Path::new(env!("CARGO_TARGET_TMPDIR")).join("nobody"))
-        .arg(script)
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/balance").join(script))
         .arg(program::PATH)
         .args([&model, &results])
-        .arg("check")
+        .args(arguments)
         .output()
         .expect("Python");
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let text = fs::read_to_string(&results).expect("results");
-    let rows = text.lines().map(|line| {
-        let row: Value = serde_json::from_str(line).expect("JSON");
+    let rows: Vec<Value> =
+        text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    for row in &rows {
         assert!(row["failed"].is_null(), "{row}");
         assert_eq!(row["damaged"], 0, "packets that another codec found damaged: {row}");
-        let job = &row["job"];
-        let what = format!("{} {} {}", job[4].as_str()?, job[5].as_str()?, job[6]);
-        Some((what, job[3].as_bool()?, row["fell_s"].as_f64()))
-    });
-    Some(rows.map(|row| row.expect("a job")).collect())
+    }
+    Some(rows)
 }
 
 /// The program as it is, on a serial line behind which a physics engine of others moves the robot, by servos and a codec that are
@@ -194,7 +191,13 @@ fn judged_by_mujoco() -> Option<Vec<(String, bool, Option<f64>)>> {
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]
 fn in_mujoco_too_a_walk_on_a_slope_falls_aside_unless_it_balances() {
-    let Some(rows) = judged_by_mujoco() else { return };
+    let Some(rows) = judged_by_mujoco("measure.py", &["check"]) else { return };
+    let told = |row: &Value| {
+        let job = &row["job"];
+        let what = format!("{} {} {}", job[4].as_str()?, job[5].as_str()?, job[6]);
+        Some((what, job[3].as_bool()?, row["fell_s"].as_f64()))
+    };
+    let rows: Vec<_> = rows.iter().map(|row| told(row).expect("a job")).collect();
     let fell_s = |what: &str, balances: bool| {
         let found = rows.iter().find(|row| row.0 == what && row.1 == balances);
         found.unwrap_or_else(|| panic!("no {what}: {rows:?}")).2
@@ -208,4 +211,91 @@ fn in_mujoco_too_a_walk_on_a_slope_falls_aside_unless_it_balances() {
     }
     // The judge can see a fall of who balances.
     assert!(fell_s("slope left 14", true).is_some(), "{rows:?}");
+}
+
+/// Captures in which an OP3 whose goals are its poses falls there: it kicks, turns while it walks, and skips a rope.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+const LIFTS_FEET: [&str; 4] = [
+    "cmu_new2_frontkick001.bvh",
+    "dataset-2_walk-turn-left_feminine_004.bvh",
+    "dataset-2_walk-turn-right_feminine_004.bvh",
+    "cmu_1006_jump_rope.bvh",
+];
+
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn in_mujoco_too_a_robot_that_follows_captures_as_they_come_lifts_feet_and_stays_up() {
+    let Some(folder) = captured::captures() else { return };
+    let files = captured::bvh_files(&folder);
+    let is_one = |file: &&Path| LIFTS_FEET.iter().any(|name| file.ends_with(name));
+    let motions: Vec<&str> =
+        files.iter().map(|f| f.as_path()).filter(is_one).filter_map(Path::to_str).collect();
+    if motions.len() < LIFTS_FEET.len() {
+        aloud!(
+            "SKIPPED: {} of {} captures are not there",
+            LIFTS_FEET.len() - motions.len(),
+            LIFTS_FEET.len()
+        );
+    }
+    let Some(rows) = judged_by_mujoco("follow.py", &[&["{}"], motions.as_slice()].concat()) else {
+        return;
+    };
+    assert_eq!(rows.len(), motions.len());
+    for row in &rows {
+        assert_eq!(row["outcome"], "done", "{row}");
+        assert!(row["fell_s"].is_null(), "{row}");
+        assert!(row["feet"]["lifted"].as_u64().is_some_and(|lifted| lifted > 0), "{row}");
+    }
+}
+
+/// `live` of an OP3 with weight that follows somebody who waves.
+fn live(arguments: &[&str]) -> (Output, Value) {
+    let output = gaitway()
+        .args(["live", "--from", "file:wave-r", "--bus", "sim", "--json"])
+        .args(arguments)
+        .output()
+        .expect("it runs");
+    let report = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"));
+    (output, report)
+}
+
+#[test]
+fn a_robot_that_follows_and_balances_feels_every_cycle_and_answers_within_its_limits() {
+    let (output, report) = live(&["--robot", "op3", "--physics", "--balance"]);
+    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
+    assert!(report["fell_at_s"].is_null(), "{report}");
+    assert_eq!(figure(&report, "missed_cycles"), 0.0);
+    assert_eq!(figure(&report, "felt_cycles"), report["cycles"].as_f64().expect("cycles"));
+    let moved_rad = figure(&report, "peak_correction_rad");
+    assert!(moved_rad > 1e-3 && moved_rad <= 0.15, "{moved_rad}");
+    assert!(report["notes"].to_string().contains("balance: the base tilted by "), "{report}");
+    assert_eq!(report["referee"]["violations"], Value::Array(Vec::new()));
+    let (_, without) = live(&["--robot", "op3", "--physics"]);
+    assert!(without["balance"].is_null(), "only who asks for it");
+}
+
+#[test]
+fn a_robot_that_is_thrown_over_while_it_follows_is_named_and_lies_limp_as_its_file_says() {
+    let folder = folder("balance-fall-live");
+    let push = script(&folder, "kind = 'push'\nahead_n = 60\nfrom_s = 5\nuntil_s = 5.2");
+    let thrown = ["--robot", "op3", "--physics", "--faults", &push];
+    let (output, report) = live(&[thrown.as_slice(), &["--balance"]].concat());
+    assert_eq!(output.status.code(), Some(4), "{}", words(&output));
+    assert_eq!(report["stop"]["code"], "fell");
+    assert!(report["fell_at_s"].is_f64(), "the world saw it too");
+    assert_eq!(report["left"]["limp"].as_array().expect("joints").len(), 20, "{}", report["left"]);
+    let (_, unfelt) = live(&thrown);
+    assert!(unfelt["fell_at_s"].is_f64() && unfelt["stop"]["code"] != "fell", "{unfelt}");
+}
+
+#[test]
+fn who_cannot_balance_while_it_follows_is_told_why() {
+    for (arguments, words) in [
+        (["--robot", "op3", "--balance", "--hang"].as_slice(), "--hang too"),
+        (&["--robot", "toddlerbot", "--balance"], "[body.balance]"),
+    ] {
+        let (output, report) = live(arguments);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert!(report["stop_reason"].as_str().expect("a reason").contains(words), "{report}");
+    }
 }

@@ -41,7 +41,7 @@ fn no_decoder_breaks_on_bytes_made_up_by_a_fuzzer() {
     let (said, complained) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{said}{complained}");
-    let targets = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/fuzz/fuzz_targets"));
+    let targets = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/fuzz/src/targets"));
     let targets = targets.expect("the folder of targets").count();
     assert_eq!(said.matches("DONE").count(), targets, "not every target ran to its end:\n{said}");
     aloud!("{said}");

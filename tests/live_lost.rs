@@ -170,6 +170,8 @@ fn order(folder: &Path, keep_going: bool) -> LiveOrder {
         accept_firmware: false,
         hangs: true,
         physics: false,
+        balances: false,
+        faults: None,
         dry_run: false,
         recognise: false,
         models: None,

@@ -234,7 +234,9 @@ fn a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the
     assert_eq!(again["referee"]["violations"].as_array().map(Vec::len), Some(0));
     let [body_deg, fitted_deg] = body_errors_deg(&recorded, &folder.join("again.toml"), &truth);
     let robot_deg = robot_error_deg(&folder.join("again.mcap"), &truth);
-    println!("again: joints of the body {body_deg:.2} deg RMSE ({fitted_deg:.2} at best), robot {robot_deg:.2} deg RMSE");
+    println!(
+        "again: joints of the body {body_deg:.2} deg RMSE ({fitted_deg:.2} at best), robot {robot_deg:.2} deg RMSE"
+    );
     strides_are_named(&again, &folder.join("again.mcap"));
     assert!(kept.exists());
     assert!(body_deg < 6.0 && fitted_deg < 3.0, "{body_deg} {fitted_deg}");

@@ -64,6 +64,12 @@ pub struct LiveArgs {
     /// The virtual robot has weight and may fall (sim, sim:pty; robots whose file has a body)
     #[arg(long)]
     physics: bool,
+    /// Joints that the robot's file names answer a base that tilts otherwise than what is followed wants, as with `play`
+    #[arg(long, requires = "robot")]
+    balance: bool,
+    /// Faults of this script befall the virtual robot, by its own clock (sim, sim:pty; keys: sim/README.md)
+    #[arg(long, value_name = "FILE.toml", requires = "robot")]
+    faults: Option<PathBuf>,
     /// Write nothing to the robot. With sensors: show the joint angles of the body, with or
     /// without a robot
     #[arg(long)]
@@ -125,6 +131,8 @@ impl LiveArgs {
             accept_firmware: self.accept_firmware,
             hangs: self.hang,
             physics: self.physics,
+            balances: self.balance,
+            faults: self.faults.clone(),
             dry_run: self.dry_run,
             recognise: self.recognise,
             models: self.models.clone(),

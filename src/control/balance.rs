@@ -9,7 +9,7 @@
 //! ([`Chase`]), from rest to rest. The motion is laid within what it leaves of the joints' limits, so that both together keep
 //! them. When the motion is over, or comes to its stop, the answer goes back to nothing.
 
-use super::cycle::{Motion, Planned};
+use super::cycle::Motion;
 use super::health::{BLIND_CYCLES, FALLEN_RAD, StopReason};
 use crate::device::Inertial;
 use crate::device::inertial::STANDARD_GRAVITY_M_S2;
@@ -45,6 +45,14 @@ pub struct BalanceFigures {
 }
 
 impl BalanceFigures {
+    /// Takes what another stretch of balancing came to as its continuation.
+    pub fn take_up(&mut self, later: &Self) {
+        self.felt_cycles += later.felt_cycles;
+        self.missed_cycles += later.missed_cycles;
+        self.peak_tilt_rad = self.peak_tilt_rad.max(later.peak_tilt_rad);
+        self.peak_correction_rad = self.peak_correction_rad.max(later.peak_correction_rad);
+    }
+
     /// As a person reads it.
     #[must_use]
     pub fn words(&self) -> String {
@@ -91,12 +99,12 @@ pub struct Balancer {
     figures: BalanceFigures,
 }
 
-/// A motion that is known to its end, on a robot that keeps its balance meanwhile.
+/// A motion on a robot that keeps its balance meanwhile.
 pub struct Balanced<'a> {
     /// The motion.
-    pub motion: Planned<'a>,
+    pub motion: &'a mut (dyn Motion + Send),
     /// What is added to it.
-    pub balancer: Balancer,
+    pub balancer: &'a mut Balancer,
 }
 
 impl Motion for Balanced<'_> {
@@ -138,6 +146,37 @@ pub fn leaves(robot: &Robot) -> Result<Robot, Error> {
         }
     }
     Robot::new(file)
+}
+
+/// The same where nobody knows the motion beforehand: each joint that answers keeps room for its answer at both ends of its
+/// range as well. How much that is, by joint, rad; less of a joint that stands, or is to stand at first, nearer to an end.
+///
+/// # Errors
+/// As [`leaves`].
+pub fn leaves_room(robot: &Robot, start_rad: &[f64]) -> Result<(Robot, Vec<f64>), Error> {
+    let most_rad = balance_of(robot)?.most_rad;
+    let mut file = leaves(robot)?.file;
+    let mut rooms_rad = vec![0.0; file.joints.len()];
+    let answers = |name: &str| {
+        let body = robot.file.body.as_ref().and_then(|body| body.balance.as_ref());
+        body.is_some_and(|balance| balance.joints.iter().any(|of| of.joint == name))
+    };
+    for (index, joint) in file.joints.iter_mut().enumerate() {
+        if !answers(&joint.name) {
+            continue;
+        }
+        let known = &robot.joints[index];
+        let (lower_rad, upper_rad) = (known.limits.lower_rad(), known.limits.upper_rad());
+        let room_rad = [start_rad[index], known.initial_rad]
+            .map(|at_rad| (at_rad - lower_rad).min(upper_rad - at_rad))
+            .into_iter()
+            .fold(most_rad, f64::min);
+        // Who stands outside is told so elsewhere.
+        rooms_rad[index] = room_rad.max(0.0);
+        joint.lower_rad += rooms_rad[index];
+        joint.upper_rad -= rooms_rad[index];
+    }
+    Ok((Robot::new(file)?, rooms_rad))
 }
 
 fn balance_of(robot: &Robot) -> Result<&profiles::BodyBalance, Error> {

@@ -3,14 +3,17 @@
 
 use super::live::{LiveJoint, LiveReport};
 use super::observer::{Event, Meter, Observer, Progress};
-use super::play::describe_virtual;
+use super::play::{describe_virtual, lie_as_its_file_says};
 use super::recorder::RunRecorder;
 use super::report::{JointReport, Outcome};
-use crate::control::{self, Input, Mirror, Sample, Settings, Sink, Stop, StopCode, net};
+use crate::control::{
+    self, Balanced, Balancer, Input, Mirror, Sample, Settings, Sink, Stop, StopCode, balance, net,
+};
 use crate::error::Error;
 use crate::job::report::counted;
 use crate::motion::Trend;
 use crate::rig::Connection;
+use crate::robot::Robot;
 use crate::robot::preflight::Preflight;
 use crate::time::{Duration, Instant};
 use std::path::PathBuf;
@@ -58,6 +61,28 @@ pub(super) struct Ready<'a> {
     pub(super) settings: Settings,
     /// At which share of the joints' velocity and acceleration limits it follows.
     pub(super) pace: f64,
+    /// How it keeps its balance meanwhile, if it does.
+    pub(super) balancing: Option<Balancing>,
+}
+
+/// A robot that keeps its balance while it follows.
+pub(super) struct Balancing {
+    /// What balance leaves of it: goals are made for this one.
+    pub(super) leaves: Robot,
+    balancer: Balancer,
+}
+
+impl Balancing {
+    /// Of a robot that stands at `start_rad`.
+    ///
+    /// # Errors
+    /// As [`balance::leaves`].
+    pub(super) fn of(robot: &Robot, start_rad: &[f64], settings: Settings) -> Result<Self, Error> {
+        let (leaves, rooms_rad) = balance::leaves_room(robot, start_rad)?;
+        let period_s = settings.period.as_secs_f64();
+        let balancer = Balancer::new(robot, period_s, |joint| rooms_rad[joint])?;
+        Ok(Self { leaves, balancer })
+    }
 }
 
 impl Ready<'_> {
@@ -70,15 +95,24 @@ impl Ready<'_> {
         observer: &dyn Observer,
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
-        let Self { connection, found, settings, pace } = self;
-        let limits = connection.link.robot().limits();
+        let Self { connection, found, settings, pace, mut balancing } = self;
+        let limits = match &balancing {
+            Some(balancing) => balancing.leaves.limits(),
+            None => connection.link.robot().limits(),
+        };
         let limits = limits.iter().map(|of| of.paced(pace)).collect::<Result<Vec<_>, _>>()?;
         let meter = Meter::of(limits.len());
         let mut mirror = Mirror::new(newest, &found.start_rad, limits);
+        let mut balanced = balancing
+            .as_mut()
+            .map(|of| Balanced { motion: &mut mirror, balancer: &mut of.balancer });
         let performed = control::perform(
             &mut connection.link,
             found,
-            &mut mirror,
+            match &mut balanced {
+                Some(balanced) => balanced,
+                None => &mut mirror,
+            },
             settings,
             &mut Both { recorder: recorder.metered(meter.clone()), moments },
             &|| observer.wants_to_stop(),
@@ -94,6 +128,8 @@ impl Ready<'_> {
             report.run.joints.clear();
             return Ok(false);
         }
+        report.run.balance = balancing.map(|of| of.balancer.figures().clone());
+        lie_as_its_file_says(&performed, &mut report.run, connection);
         describe_virtual(&mut report.run, connection);
         Ok(true)
     }

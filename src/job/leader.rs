@@ -339,6 +339,7 @@ impl Follower<'_> {
             found: self.found,
             settings: self.settings,
             pace: self.order.pace,
+            balancing: None,
         };
         let mut newest = |now: Instant, approaching: bool| {
             hear(goals, now);

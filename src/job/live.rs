@@ -1,6 +1,6 @@
 //! `live`: a robot does now what a body does. The whole job, in order.
 
-use super::follow;
+use super::follow::{self, Balancing};
 use super::model::robot_model;
 use super::observer::{Event, Observer};
 use super::play;
@@ -16,6 +16,7 @@ use crate::mocap::retarget::{self, Online};
 use crate::motion::Trend;
 use crate::recording::SampleEncoding;
 use crate::rig::{Address, Connection, calibrated, connect};
+use crate::robot::Robot;
 use crate::robot::preflight::{Accept, Preflight, preflight};
 use crate::sensing::{Person, Plan};
 use crate::time::{Duration, Instant};
@@ -75,6 +76,10 @@ pub struct LiveOrder {
     pub hangs: bool,
     /// A virtual robot has weight and may fall.
     pub physics: bool,
+    /// It feels how its base tilts, and answers.
+    pub balances: bool,
+    /// Script of faults that befall a virtual robot.
+    pub faults: Option<PathBuf>,
     /// Write nothing to the robot; show the body's angles.
     pub dry_run: bool,
     /// Name what who wears the sensors does.
@@ -100,6 +105,11 @@ impl LiveOrder {
     /// True if what the person does is to be named.
     const fn names(&self) -> bool {
         self.recognise || !self.when.is_empty()
+    }
+
+    /// How what answers is played.
+    fn answer_options(&self) -> play::Options {
+        play::Options { balance: self.balances, ..play::Options::default() }
     }
 
     /// A report of nothing yet.
@@ -171,15 +181,27 @@ impl Ready {
         }
     }
 
+    /// How it keeps its balance from where it stands, if it is to, and the robot that goals are made for.
+    fn balancing(&self, order: &LiveOrder) -> Result<(Option<Balancing>, Robot), Error> {
+        let robot = self.connection.link.robot();
+        if !order.balances {
+            return Ok((None, robot.clone()));
+        }
+        let balancing = Balancing::of(robot, &self.found.start_rad, self.settings)?;
+        let leaves = balancing.leaves.clone();
+        Ok((Some(balancing), leaves))
+    }
+
     fn follow(
         &mut self,
+        balancing: Option<Balancing>,
         newest: &mut control::mirror::Source<'_>,
         recorder: &mut RunRecorder,
         observer: &dyn Observer,
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
         let Self { connection, found, settings, .. } = self;
-        let ready = follow::Ready { connection, found, settings: *settings, pace: 1.0 };
+        let ready = follow::Ready { connection, found, settings: *settings, pace: 1.0, balancing };
         ready.follow(newest, recorder, None, observer, report)
     }
 }
@@ -197,6 +219,13 @@ impl Job<'_> {
         let order = self.order;
         let run = &mut self.report.run;
         let Some(name) = &order.robot else { return Ok(None) };
+        if order.balances && order.hangs {
+            return Err(Error::new("a robot on a stand does not balance")
+                .at("--balance")
+                .got("--hang too")
+                .allowed("one of the two")
+                .remedy("leave one of them out"));
+        }
         let (robot, calibration) = calibrated(name, &order.buses, order.calibration.as_deref())?;
         run.calibration = calibration.map(|path| path.display().to_string());
         run.robot.clone_from(&robot.name);
@@ -212,8 +241,14 @@ impl Job<'_> {
         let mut connection = connect(robot, &order.buses, order.seed)?;
         let witness = order.physics.then(|| play::give_weight(&connection, order.hangs));
         let witness = witness.transpose()?;
+        if let Some(script) = &order.faults {
+            play::befall(&connection, script)?;
+        }
         let found = look(order, &mut connection, settings)?;
         run.describe_preflight(&found);
+        if order.balances {
+            play::feel_first(&mut connection.link, &found)?;
+        }
         Ok(Some(Ready { connection, found, settings, witness }))
     }
 
@@ -239,7 +274,7 @@ impl Job<'_> {
             return Err(Error::new("which robot, and where?")
                 .remedy("add --robot and --bus; only sensors are shown without"));
         };
-        let robot = ready.connection.link.robot().clone();
+        let (balancing, robot) = ready.balancing(self.order)?;
         let model = robot_model(&robot)?;
         let settings = retarget::Settings::default();
         let online = Online::new(&model, &capture.tracked, &ready.found.start_rad, &settings)?;
@@ -272,8 +307,10 @@ impl Job<'_> {
             trend.target(now_s).map_or(Input::Nothing, Input::Pose)
         };
         let mut recorder = self.recorder(&ready.connection)?;
-        let followed = ready.follow(&mut newest, &mut recorder, self.observer, &mut self.report);
+        let followed =
+            ready.follow(balancing, &mut newest, &mut recorder, self.observer, &mut self.report);
         self.report.describe_feet(&onto);
+        self.report.describe_balance();
         ready.describe_weight(&mut self.report);
         match followed {
             Ok(true) => recorder.finish(&mut self.report.run, &ready.connection),

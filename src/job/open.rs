@@ -133,7 +133,8 @@ impl Rig {
             &report.run.motion,
         )?;
         let (moments, mut goals) = follow::begin(joints, options.time, waits, source)?;
-        let ready = follow::Ready { connection, found: &found, settings, pace: 1.0 };
+        let ready =
+            follow::Ready { connection, found: &found, settings, pace: 1.0, balancing: None };
         let mut newest = |now, approaching| goals.newest(now, approaching);
         let done = ready.follow(&mut newest, &mut recorder, Some(moments), observer, &mut report);
         if matches!(done, Ok(true)) {

@@ -12,8 +12,8 @@ use super::simulate::script;
 use super::source::{self, MotionOrder, RobotMotion};
 use super::weight::{self, Witness};
 use crate::control::{
-    self, BalanceFigures, Balanced, Balancer, Left, Motion, Performance, Planned, Run, Settings,
-    StopReason, balance, inject, net,
+    self, BalanceFigures, Balanced, Balancer, Left, Performance, Planned, Settings, StopReason,
+    balance, inject, net,
 };
 use crate::error::{Error, ErrorKind, counted};
 use crate::motion::{self, Plan, PlanOptions, Setpoint, Trajectory, plan};
@@ -350,7 +350,7 @@ pub(super) fn give_weight(connection: &Connection, hangs: bool) -> Result<Witnes
 }
 
 /// Faults befall the virtual robot of this process, by its own clock.
-fn befall(connection: &Connection, script: &Path) -> Result<(), Error> {
+pub(super) fn befall(connection: &Connection, script: &Path) -> Result<(), Error> {
     let world = connection.world.as_ref().ok_or_else(|| {
         Error::new("only a virtual robot of this process is befallen by faults")
             .at("--faults")
@@ -464,7 +464,7 @@ pub(super) fn stopped_before_torque(observer: &dyn Observer, report: &mut PlayRe
 }
 
 /// The robot as a motion is laid for it: balance keeps a part of some joints' limits for itself.
-fn laid_for(robot: &Robot, options: &Options) -> Result<Robot, Error> {
+pub(super) fn laid_for(robot: &Robot, options: &Options) -> Result<Robot, Error> {
     if options.balance { balance::leaves(robot) } else { Ok(robot.clone()) }
 }
 
@@ -475,7 +475,7 @@ const FIRST_FELT: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// A sensor that does not answer, another one, or one that feels otherwise.
-fn feel_first(link: &mut Link, found: &Preflight) -> Result<(), Error> {
+pub(super) fn feel_first(link: &mut Link, found: &Preflight) -> Result<(), Error> {
     let robot = link.robot().clone();
     let balancer = Balancer::new(&robot, 1.0 / robot.file.rate_hz, |_| 1.0)?;
     let silent = |error: LinkError| {
@@ -616,16 +616,8 @@ fn perform(
         motion = motion.again(first_s, first_s + again_s)?;
         duration_s = f64::INFINITY;
     }
-    let (mut alone, mut balanced) = (None, None);
-    let motion: &mut (dyn Motion + Send) = if options.balance {
-        let rooms_rad = rooms_rad(&laid_for, &planned.trajectory);
-        let period_s = settings.period.as_secs_f64();
-        let robot = connection.link.robot();
-        let balancer = Balancer::new(robot, period_s, |joint| rooms_rad[joint])?;
-        balanced.insert(Balanced { motion, balancer })
-    } else {
-        alone.insert(motion)
-    };
+    let mut balancer = balancer_of(connection, prepared, settings, options)?;
+    let mut balanced = balancer.as_mut().map(|balancer| Balanced { motion: &mut motion, balancer });
     // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
     let mut recorder = RunRecorder::begin(
         options.record.as_deref(),
@@ -641,7 +633,10 @@ fn perform(
     let performed = control::perform(
         &mut connection.link,
         found,
-        motion,
+        match &mut balanced {
+            Some(balanced) => balanced,
+            None => &mut motion,
+        },
         settings,
         &mut recorder.metered(meter.clone()),
         &|| observer.wants_to_stop(),
@@ -654,23 +649,48 @@ fn perform(
             return other.map(|_| None);
         }
     };
-    report.balance = balanced.map(|of| of.balancer.figures().clone());
+    report.balance = balancer.map(|of| of.figures().clone());
     report.notes.extend(report.balance.as_ref().map(BalanceFigures::words));
-    let is_limp = |run: &Run| match run.stop {
-        None => options.end == EndState::Limp,
-        Some(StopReason::Fell { .. }) => {
-            let body = laid_for.file.body.as_ref();
-            body.is_some_and(|body| body.when_fallen == WhenFallen::Limp)
-        }
-        Some(_) => false,
-    };
-    if matches!(&performed, Performance::Ran(run) if is_limp(run)) {
+    let is_over = matches!(&performed, Performance::Ran(run) if run.stop.is_none());
+    if is_over && options.end == EndState::Limp {
         go_limp(report, connection);
     }
+    lie_as_its_file_says(&performed, report, connection);
     recorder.finish(report, connection);
     describe_virtual(report, connection);
     let robot = connection.link.robot().clone();
     Ok(recorder.into_series().map(|series| (robot, series)))
+}
+
+/// What keeps the robot upright during a prepared motion, if something is to.
+///
+/// # Errors
+/// As [`Balancer::new`].
+pub(super) fn balancer_of(
+    connection: &Connection,
+    prepared: &Prepared,
+    settings: Settings,
+    options: &Options,
+) -> Result<Option<Balancer>, Error> {
+    if !options.balance {
+        return Ok(None);
+    }
+    let robot = connection.link.robot();
+    let rooms_rad = rooms_rad(&laid_for(robot, options)?, &prepared.planned.trajectory);
+    Balancer::new(robot, settings.period.as_secs_f64(), |joint| rooms_rad[joint]).map(Some)
+}
+
+/// Switches torque off on a robot that felt that it fell, if its file wants that.
+pub(super) fn lie_as_its_file_says(
+    performed: &Performance,
+    report: &mut PlayReport,
+    connection: &mut Connection,
+) {
+    let fell = matches!(performed, Performance::Ran(run) if matches!(run.stop, Some(StopReason::Fell { .. })));
+    let body = connection.link.robot().file.body.as_ref();
+    if fell && body.is_some_and(|body| body.when_fallen == WhenFallen::Limp) {
+        go_limp(report, connection);
+    }
 }
 
 /// Switches torque off after a motion that came to its end.

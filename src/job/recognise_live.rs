@@ -119,6 +119,8 @@ fn of_wearer(
         accept_firmware: false,
         hangs: false,
         physics: false,
+        balances: false,
+        faults: None,
         dry_run: true,
         recognise: true,
         models: order.what.models.clone(),

@@ -513,6 +513,13 @@ impl PlayReport {
         self.max_current_a = greater(self.max_current_a, later.max_current_a);
         self.min_voltage_v = least(self.min_voltage_v, later.min_voltage_v);
         self.referee = later.referee.or(self.referee.take());
+        self.balance = match (self.balance.take(), later.balance) {
+            (Some(mut all), Some(later)) => {
+                all.take_up(&later);
+                Some(all)
+            }
+            (one, other) => one.or(other),
+        };
         let new: Vec<String> =
             later.notes.into_iter().filter(|note| !self.notes.contains(note)).collect();
         self.notes.extend(new);

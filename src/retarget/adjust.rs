@@ -28,6 +28,7 @@ use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
 mod online;
+mod sag;
 mod weight;
 
 pub use online::{Adjuster, Lifts};

@@ -4,7 +4,7 @@ use super::onto_robot::{self, OntoRobot};
 use super::when::AnswersReport;
 use crate::body::segment_name;
 use crate::body::{Dof, JointAngles, Segment};
-use crate::control::{Mirror, Settings};
+use crate::control::{BalanceFigures, Mirror, Settings};
 use crate::job::recognised::RecognisedAction;
 use crate::job::report::PlayReport;
 use crate::retarget::adjust::Lifts;
@@ -231,6 +231,11 @@ impl LiveReport {
         self.run.approach_s = self.approaching_s;
         self.feet = onto.lifts();
         self.run.notes.extend(self.feet.and_then(onto_robot::note));
+    }
+
+    /// Says what balancing came to, if the robot did.
+    pub(super) fn describe_balance(&mut self) {
+        self.run.notes.extend(self.run.balance.as_ref().map(BalanceFigures::words));
     }
 
     /// Takes the follower's figures.

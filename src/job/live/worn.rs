@@ -15,7 +15,7 @@ use crate::body::worn::swaps::SwapWatch;
 use crate::body::worn::{Wearing, WornPose};
 use crate::body::{segment_name, segment_named};
 use crate::capture::Counts;
-use crate::control::{self, Input, Performance, Planned, Stop, StopCode, StopReason};
+use crate::control::{self, Balanced, Input, Performance, Planned, Stop, StopCode, StopReason};
 use crate::corpus::store::check_outside;
 use crate::draft;
 use crate::error::{Error, ErrorKind};
@@ -367,8 +367,10 @@ impl Job<'_> {
         let speed = play::Options::default().speed;
         let order = MotionOrder { balanced_at: Some(speed), ..MotionOrder::of(&when.motion) };
         let observer = self.observer;
-        let motion = play::load(&order, connection.link.robot(), observer)?;
-        play::prepare(connection, found, &motion, &play::Options::default(), observer, &mut run)?;
+        let options = self.order.answer_options();
+        let laid_for = play::laid_for(connection.link.robot(), &options)?;
+        let motion = play::load(&order, &laid_for, observer)?;
+        play::prepare(connection, found, &motion, &options, observer, &mut run)?;
         Ok((motion, run))
     }
 
@@ -380,6 +382,7 @@ impl Job<'_> {
         mut recorder: RunRecorder,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
         let followed = self.followed(body, &mut ready, &mut recorder);
+        self.report.describe_balance();
         ready.describe_weight(&mut self.report);
         match followed {
             Ok(true) => Ok(Some((recorder, ready))),
@@ -466,7 +469,7 @@ impl Job<'_> {
     ) -> Result<bool, Error> {
         // Somebody may have moved the robot while the person was calibrated.
         ready.found = look(self.order, &mut ready.connection, ready.settings)?;
-        let robot = ready.connection.link.robot().clone();
+        let (balancing, robot) = ready.balancing(self.order)?;
         let settings = retarget::Settings::default();
         let worn = body.wearing.worn();
         let model = robot_model(&robot)?;
@@ -496,7 +499,7 @@ impl Job<'_> {
             let Some(target) = trend.target(body.seconds(now)) else { return Input::Nothing };
             Input::Pose(Target { careful: body.careful(&of_limbs), ..target })
         };
-        let followed = ready.follow(&mut newest, recorder, self.observer, report);
+        let followed = ready.follow(balancing, &mut newest, recorder, self.observer, report);
         report.describe_feet(&onto);
         followed
     }
@@ -555,16 +558,24 @@ fn answer(
     ready.found = look(job.order, &mut ready.connection, ready.settings)?;
     let Ready { connection, found, settings, .. } = ready;
     let motion = &body.answers.list[call.answer].motion;
-    let options = play::Options::default();
+    let options = job.order.answer_options();
     let prepared = play::prepare(connection, found, motion, &options, job.observer, run)?;
-    let planned = Planned::new(&prepared.planned.trajectory, connection.link.robot())?;
+    let laid_for = play::laid_for(connection.link.robot(), &options)?;
+    let planned = Planned::new(&prepared.planned.trajectory, &laid_for)?;
+    let mut balancer = play::balancer_of(connection, &prepared, *settings, &options)?;
     let mut hear = |now: Instant| drop(body.moment(now));
     let meter = Meter::of(connection.link.robot().joints.len());
     let duration_s = prepared.planned.trajectory.duration_s();
+    let mut overheard = Overheard { planned, hear: &mut hear };
+    let mut balanced =
+        balancer.as_mut().map(|balancer| Balanced { motion: &mut overheard, balancer });
     let performed = control::perform(
         &mut connection.link,
         found,
-        &mut Overheard { planned, hear: &mut hear },
+        match &mut balanced {
+            Some(balanced) => balanced,
+            None => &mut overheard,
+        },
         *settings,
         &mut recorder.metered(meter.clone()),
         &|| job.observer.wants_to_stop(),
@@ -573,7 +584,11 @@ fn answer(
     match performed {
         // The robot holds from before.
         Performance::Stopped => run.describe_no_further(StopReason::Asked.to_string()),
-        performed => drop(run.describe_performance(&performed)),
+        performed => {
+            run.describe_performance(&performed);
+            run.balance = balancer.map(|of| of.figures().clone());
+            play::lie_as_its_file_says(&performed, run, connection);
+        }
     }
     describe_virtual(run, connection);
     Ok(())

@@ -3,7 +3,9 @@
 //! What comes next is unknown here. So a foot is lifted only once the weight is over the other one, however early the
 //! person lifts it, and stays where it is if the person has put it down again by then. The weight goes where it is to be as a
 //! critically damped spring takes it, slowly enough that what its haste adds to the zero-moment point (the cart on a
-//! table: Kajita et al., ICRA 2003) stays well inside the soles. Joints follow such springs, too.
+//! table: Kajita et al., ICRA 2003) stays well inside the soles. Joints follow such springs, too. Goals are as far beyond
+//! poses as servos give way under the weight: who is let down by his hip comes down too early, and is thrown over by
+//! the foot that lands.
 
 use super::weight::Goal;
 use super::{
@@ -38,7 +40,7 @@ const HASTE: f64 = 0.3;
 /// that time, s.
 const LIFTS_S: f64 = 0.2;
 const CLEARS: f64 = 0.05;
-const LANDS_S: f64 = 0.3;
+const LANDS_S: f64 = 0.6;
 /// A sole that is less far from where it is to be stands there, m.
 const STANDS_M: f64 = 0.003;
 /// What planted soles count, against a whole clip's, whose feet do what legs do, and a centre that is not where it is to be,
@@ -53,8 +55,12 @@ const LONGEST_S: f64 = 0.05;
 const LATE_RAD: f64 = 0.05;
 /// Less that is added is nothing, rad.
 const FAINT_RAD: f64 = 1e-5;
-/// The part of a leg joint's limit of velocity that poses use.
+/// The part of a joint's limit of velocity that poses use, of legs and of all others: servos lag behind their goals the
+/// further the faster these go, and one that is too far away stops it all.
 const LEG_PACE: f64 = 0.5;
+const REST_PACE: f64 = 0.7;
+/// How fast goals go beyond poses as weight goes from foot to foot, 1/s.
+const GIVES_WAY_PER_S: f64 = 10.0;
 /// How much of the room counts in so many steps: of the first pose, and of one that follows.
 const FIRST: [(f64, usize); 3] = [(0.15, 6), (0.5, 6), (1.0, 12)];
 const NEXT: [(f64, usize); 1] = [(1.0, 6)];
@@ -116,6 +122,8 @@ pub struct Adjuster<'a> {
     pace_rad_s: Vec<f64>,
     /// Up in the axes of the base, and how fast it goes, of a robot that stands.
     up: Option<(DVec3, DVec3)>,
+    /// How far goals are beyond poses, rad.
+    beyond_rad: Vec<f64>,
 }
 
 impl<'a> Adjuster<'a> {
@@ -155,6 +163,7 @@ impl<'a> Adjuster<'a> {
             is_arriving: stands,
             pace_rad_s: vec![0.0; here_rad.len()],
             up,
+            beyond_rad: vec![0.0; here_rad.len()],
         }
     }
 
@@ -205,7 +214,24 @@ impl<'a> Adjuster<'a> {
             *angle = angle.clamp(*lower_rad, *upper_rad);
         }
         self.before = Some([came, here.clone()]);
+        self.go_beyond(&mut here, dt_s);
         here
+    }
+
+    /// From where joints are to be to where their goals have to be for that, under the weight of a robot that stands.
+    fn go_beyond(&mut self, pose: &mut [f64], dt_s: f64) {
+        let Self { solver, feet: Some(feet), .. } = self else { return };
+        let Some(soles) = solver.feet() else { return };
+        let placed = solver.place(pose);
+        let shares = feet.shares(solver, soles, &placed);
+        let Some(beyond_rad) = solver.beyond_rad(&placed, soles, shares) else { return };
+        let part = 1.0 - (-dt_s * GIVES_WAY_PER_S).exp();
+        for joint in self.legs.joints.iter().chain(&self.rest.joints) {
+            let here_rad = &mut self.beyond_rad[*joint];
+            *here_rad += (beyond_rad[*joint] - *here_rad) * part;
+            let (lower_rad, upper_rad) = solver.of.limits_rad[*joint];
+            pose[*joint] = (pose[*joint] + *here_rad).clamp(lower_rad, upper_rad);
+        }
     }
 
     /// The pose, with joints that critically damped springs draw there, within what they can, those of legs and all others in the
@@ -215,7 +241,7 @@ impl<'a> Adjuster<'a> {
         let Some([before, _]) = self.before.as_ref().filter(|_| self.stands) else { return came };
         let share = if self.is_arriving { APPROACH_SHARE } else { 1.0 };
         let mut off_rad = [0.0_f64; 2];
-        let parts = [(&self.legs, LEGS_PER_S, LEG_PACE), (&self.rest, ARMS_PER_S, 1.0)];
+        let parts = [(&self.legs, LEGS_PER_S, LEG_PACE), (&self.rest, ARMS_PER_S, REST_PACE)];
         for ((part, draws_per_s, pace), off_rad) in parts.into_iter().zip(&mut off_rad) {
             let mut most: f64 = 1.0;
             for joint in &part.joints {
@@ -395,6 +421,23 @@ impl Feet {
         let at_m = is.centre_m[on].truncate();
         let inside_m = is.inside(on, [on == 0, on == 1], OVER, at_m);
         at_m.distance(inside_m) < STANDS_M && self.velocity_m_s.length() < SLOW_M_S
+    }
+
+    /// What of the weight is on either sole.
+    fn shares(
+        &self,
+        solver: &Solver<'_>,
+        soles: [&StandingSole; 2],
+        placed: &[Placement],
+    ) -> [f64; 2] {
+        if let Step::Lifts { on, .. } | Step::Swings { on, .. } = self.step {
+            return [0, 1].map(|side| if side == on { 1.0 } else { 0.0 });
+        }
+        let [left_m, right_m] = soles.map(|sole| placed[sole.link].point(Solver::frame(sole).at_m));
+        let across_m = left_m - right_m;
+        let centre_m = solver.of.body.tree.centre_of_mass_m(placed) - right_m;
+        let left = (centre_m.dot(across_m) / across_m.length_squared()).clamp(0.0, 1.0);
+        [left, 1.0 - left]
     }
 
     fn has_landed(&self, is: &Floor) -> bool {

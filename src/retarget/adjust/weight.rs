@@ -619,25 +619,14 @@ impl Clip<'_> {
     ) {
         let tree = &self.solver.of.body.tree;
         let centre_m = tree.centre_of_mass_m(placed);
-        let (links, mass_kg) = (tree.links(), tree.mass_kg());
-        let mut by_joint = vec![DVec3::ZERO; self.part.joints.len()];
-        for (link, own) in links.iter().enumerate().filter(|(_, own)| own.mass.mass_kg > 0.0) {
-            let at_m = placed[link].point(own.mass.centre_m);
-            for mover in &self.solver.movers[link] {
-                let Some(row) = self.part.rows[mover.joint] else { continue };
-                let joint = placed[mover.link];
-                let axis = joint.turn * links[mover.link].axis;
-                let share = mover.ratio * own.mass.mass_kg / mass_kg;
-                by_joint[row] += axis.cross(at_m - joint.at_m) * share;
-            }
-        }
+        let slopes_m = self.solver.centre_slopes_m(placed);
         let frame = Solver::frame(feet[goal.side]);
         let place = placed[frame.link];
         let away = centre_m - place.point(frame.at_m);
         for (axis, goal_m) in frame.axes.into_iter().zip([goal.at_m.x, goal.at_m.y]) {
             let axis = place.turn * axis;
-            for (row, by) in row.iter_mut().zip(&by_joint) {
-                *row = axis.dot(*by);
+            for (row, joint) in row.iter_mut().zip(&self.part.joints) {
+                *row = axis.dot(slopes_m[*joint]);
             }
             // As carried along by the foot it does not move.
             self.velocity(row, placed, frame.link, centre_m, -axis);

@@ -4,9 +4,11 @@ use crate::retarget::collision::TOUCHES_M;
 
 const STEP_S: f64 = 0.01;
 
-/// What became of an OP3 that followed, pose by pose.
+/// What became of an OP3 that followed, pose by pose, without what its servos give way.
 struct Went {
     poses: Vec<Vec<f64>>,
+    /// Its goals, which are beyond those.
+    goals: Vec<Vec<f64>>,
     /// How high the left and the right sole are over the lower one, m.
     height_m: Vec<[f64; 2]>,
     /// How far inside the soles that are on the floor the centre of mass is, m.
@@ -20,12 +22,18 @@ fn followed(op3: &Op3, stands: bool, seconds: f64, pose: impl Fn(f64) -> Vec<f64
     let of = op3.adjustable(&free);
     let velocity_rad_s = vec![4.8; free.len()];
     let mut adjuster = Adjuster::new(of, &velocity_rad_s, &op3.start_rad, stands);
-    let mut went =
-        Went { poses: Vec::new(), height_m: Vec::new(), inside_m: Vec::new(), lifts: None };
+    let mut went = Went {
+        poses: Vec::new(),
+        goals: Vec::new(),
+        height_m: Vec::new(),
+        inside_m: Vec::new(),
+        lifts: None,
+    };
     let solver = Solver::new(of);
     let soles = solver.feet().expect("two feet");
     for at in 0..(seconds / STEP_S) as usize {
-        let here = adjuster.next(&pose(at as f64 * STEP_S), DVec3::Z, STEP_S, false);
+        went.goals.push(adjuster.next(&pose(at as f64 * STEP_S), DVec3::Z, STEP_S, false));
+        let [_, here] = adjuster.before.clone().expect("it went somewhere");
         // As the floor sees it: up is the normal of the sole that is lower.
         let placed = solver.place(&here);
         let floor = Floor::of(&solver, soles, &placed, DVec3::Z);
@@ -78,6 +86,31 @@ fn a_foot_is_lifted_once_the_weight_is_over_the_other_and_on_either_side_alike()
         // And what stands lies flat, side by side, before and after.
         assert!((550..599).all(|at| went.height_m[at] == went.height_m[at].map(|h| h.min(0.003))));
     }
+}
+
+#[test]
+fn on_one_leg_goals_are_beyond_poses_by_what_its_hip_gives_way_and_who_hangs_gives_none() {
+    let op3 = op3();
+    let drawn = |time_s: f64| drawn_up(&op3, "r", 0.5 * between(time_s, 1.0, 1.2));
+    let went = followed(&op3, true, 5.0, drawn);
+    let beyond_rad = |at: usize, name: &str| {
+        let joint = op3.joint(name);
+        went.goals[at][joint] - went.poses[at][joint]
+    };
+    // 2.5 kg hang 3 to 5 cm aside of the left hip, which holds them with 21.1 N m/rad.
+    let hip_rad = beyond_rad(450, "l_hip_roll").abs();
+    assert!(hip_rad > 0.025 && hip_rad < 0.075, "{hip_rad}");
+    // On both feet neither hip holds more than half of that.
+    let stands_rad = beyond_rad(90, "l_hip_roll").abs();
+    assert!(stands_rad < hip_rad / 2.0, "{stands_rad}");
+    // It goes there without a leap.
+    for at in 1..went.goals.len() {
+        for (joint, (now, before)) in went.goals[at].iter().zip(&went.goals[at - 1]).enumerate() {
+            assert!((now - before).abs() <= 4.8 * STEP_S, "{joint} at {at}: {before} to {now}");
+        }
+    }
+    let hangs = followed(&op3, false, 5.0, drawn);
+    assert_eq!(hangs.goals, hangs.poses);
 }
 
 #[test]
