@@ -8,6 +8,7 @@ mod hub;
 mod imu;
 mod intake;
 mod lines;
+mod natnet;
 mod person;
 mod progress;
 mod sensors;

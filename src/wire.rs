@@ -33,6 +33,7 @@ pub mod checksum;
 pub mod dynamixel1;
 pub mod dynamixel2;
 pub mod feetech;
+pub mod natnet;
 pub mod osc;
 mod packet1;
 #[cfg(test)]

@@ -6,10 +6,12 @@ use gaitway::device::sensor::{SensorSample, stream_format};
 use gaitway::time::Instant;
 use gaitway::wire::sensor::Stream;
 use gaitway_profiles::Quantity;
-use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Kinematics, Mount, Sent, VirtualImu};
+use gaitway_sim::imu::{
+    BodyMotion, DotPayload, ImuErrors, ImuWire, Kinematics, Mount, Sent, VirtualImu,
+};
 use glam::{DQuat, DVec3};
 
-const PROFILES: [(&str, ImuWire); 12] = [
+const PROFILES: [(&str, ImuWire); 18] = [
     ("witmotion-wt901", ImuWire::WitMotion),
     ("witmotion-wt901ble", ImuWire::WitMotionBle),
     ("bno08x-rvc", ImuWire::Bno08xRvc),
@@ -22,6 +24,12 @@ const PROFILES: [(&str, ImuWire); 12] = [
     ("nmea-imu", ImuWire::Nmea),
     ("cobs-imu", ImuWire::Cobs),
     ("slip-imu", ImuWire::Slip),
+    ("movella-dot", ImuWire::MovellaDot(DotPayload::CustomMode5)),
+    ("movella-dot-rate", ImuWire::MovellaDot(DotPayload::RateQuantities)),
+    ("movella-dot-extended", ImuWire::MovellaDot(DotPayload::ExtendedQuaternion)),
+    ("movella-dot-complete", ImuWire::MovellaDot(DotPayload::CompleteQuaternion)),
+    ("movella-dot-orientation", ImuWire::MovellaDot(DotPayload::OrientationQuaternion)),
+    ("movella-dot-custom1", ImuWire::MovellaDot(DotPayload::CustomMode1)),
 ];
 
 /// A forearm that swings: 0.6 rad to both sides of level, about the vertical and about its own

@@ -297,3 +297,33 @@ fn a_bundle_holds_several_packets_and_a_cut_one_is_refused() {
         assert!(slimevr::decode(&bytes[..bytes.len() - 1], |_| {}).is_err());
     }
 }
+
+/// Built from "Movella DOT BLE Services Specification" (XD0506P rev. C), table 15, Rate quantities: 28 bytes, which are filled up
+/// with zeros to the 40 of a medium payload.
+#[test]
+fn a_record_may_be_followed_by_zeros_and_by_nothing_else() {
+    let format = Format::Slip(columns("ticks:u32 ax:f32 ay:f32 az:f32 gx:f32 gy:f32 gz:f32"));
+    let mut record = 1_000_000_u32.to_le_bytes().to_vec();
+    for value in [0.0_f32, 0.0, 9.8125, 90.0, 0.0, -0.5] {
+        record.extend(value.to_le_bytes());
+    }
+    assert_eq!(record.len(), 28);
+    let frame = |record: &[u8]| {
+        let mut out = Vec::new();
+        framing::slip(&mut out, record);
+        out
+    };
+    let mut filled = record.clone();
+    filled.resize(40, 0);
+    for record in [&record, &filled] {
+        let reading = one(format.clone(), &frame(record));
+        assert_eq!(reading.ticks, Some(1_000_000));
+        near(reading.acceleration, [0.0, 0.0, 9.8125], 0.0);
+        near(reading.angular_rate, [90.0, 0.0, -0.5], 0.0);
+    }
+    // Extended (Quaternion), say, whose status is not zero.
+    filled[33] = 2;
+    for record in [&filled[..], &record[..27]] {
+        assert!(read(format.clone(), &frame(record)).is_empty(), "{record:?}");
+    }
+}

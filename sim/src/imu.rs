@@ -16,7 +16,7 @@ mod stage;
 mod turn;
 
 pub use door::ImuDoor;
-pub use encode::{ImuWire, Measured};
+pub use encode::{DotPayload, ImuWire, Measured};
 pub use made::{AROUND, ImuMotion, MadeMotion, MakesPoses, SegmentAt};
 pub use motion::{BodyMotion, Kinematics};
 pub use stage::Stage;

@@ -38,7 +38,7 @@ pub struct SensorSample {
 }
 
 /// The stream format of a sensor on a serial line; `None` for one that sends datagrams, which have
-/// ends of their own (`wire::sensor::slimevr`).
+/// ends of their own (`wire::sensor::slimevr`, `wire::natnet`).
 ///
 /// # Errors
 /// A column that does not exist.
@@ -64,7 +64,7 @@ pub fn stream_format(sensor: &Sensor) -> Result<Option<Format>, Error> {
         }
         SensorProtocol::Cobs => Format::Cobs(columns()?),
         SensorProtocol::Slip => Format::Slip(columns()?),
-        SensorProtocol::Slimevr => return Ok(None),
+        SensorProtocol::Slimevr | SensorProtocol::Natnet => return Ok(None),
     }))
 }
 
@@ -134,6 +134,7 @@ impl Assembler {
             WorldAxes::EastNorthUp => World::EastNorthUp,
             WorldAxes::NorthEastDown => World::NorthEastDown,
             WorldAxes::NorthWestUp => World::NorthWestUp,
+            WorldAxes::LeftUpForward => World::LeftUpForward,
         };
         Self {
             scales,
@@ -263,6 +264,8 @@ fn to_east_north_up(world: World) -> DQuat {
         // Half a turn about the line between north and east.
         World::NorthEastDown => DQuat::from_xyzw(FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0, 0.0),
         World::NorthWestUp => DQuat::from_xyzw(0.0, 0.0, FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+        // A third of a turn about the line between all three: forward, which was Z, is X.
+        World::LeftUpForward => DQuat::from_xyzw(0.5, 0.5, 0.5, 0.5),
     }
 }
 
@@ -290,10 +293,11 @@ mod tests {
     }
 
     #[test]
-    fn every_shipped_sensor_but_the_one_on_the_network_has_a_stream() {
+    fn every_shipped_sensor_but_those_on_the_network_has_a_stream() {
         for name in gaitway_profiles::sensor_names() {
             let format = stream_format(&profile(name)).expect("its columns exist");
-            assert_eq!(format.is_none(), name == "slimevr", "{name}");
+            let is_on_network = name == "slimevr" || name.starts_with("natnet");
+            assert_eq!(format.is_none(), is_on_network, "{name}");
         }
     }
 
@@ -409,6 +413,28 @@ mod tests {
         close(Some(to_east_north_up(World::NorthEastDown) * DVec3::Z), [0.0, 0.0, -1.0]);
         let angle = to_east_north_up(World::NorthWestUp).to_axis_angle().1;
         assert!((angle - FRAC_PI_2).abs() < 1e-12);
+    }
+
+    /// Motive: a body that was made while its wearer faced Z (Y up), or -Y (Z up), has the room's axes then; here it faces X.
+    #[test]
+    fn a_body_of_motive_that_faces_forward_faces_forward_here_whichever_axis_is_up() {
+        let told = |name: &str, quaternion: [f64; 4]| {
+            let reading = Reading { quaternion: Some(quaternion), ..Reading::default() };
+            let sample = taken(&mut Assembler::new(&profile(name)), &reading).expect("whole");
+            sample.orientation.expect("told")
+        };
+        let half = FRAC_1_SQRT_2;
+        for (name, turned_left, bowed) in [
+            ("natnet", [half, 0.0, half, 0.0], [half, half, 0.0, 0.0]),
+            ("natnet-z-up", [half, 0.0, 0.0, half], [half, half, 0.0, 0.0]),
+        ] {
+            let forward = told(name, [1.0, 0.0, 0.0, 0.0]);
+            close(Some(forward * DVec3::X), [1.0, 0.0, 0.0]);
+            close(Some(forward * DVec3::Z), [0.0, 0.0, 1.0]);
+            close(Some(told(name, turned_left) * DVec3::X), [0.0, 1.0, 0.0]);
+            // A bow turns about what is to the left: what faced forward faces down.
+            close(Some(told(name, bowed) * DVec3::X), [0.0, 0.0, -1.0]);
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::error::counted;
 use crate::job::Event;
 use crate::sensing::{Cue, Question, SensingEvent, Unseen, Until};
 use crate::view::tracks::ViewSpan;
+use crate::wire::natnet::COMMAND_PORT;
 
 /// What a guide says.
 pub fn of(cue: &Cue<'_>) -> String {
@@ -143,5 +144,21 @@ pub fn of_event(event: SensingEvent<'_>) -> String {
                 .to_owned()
         }
         SensingEvent::TrackerRefused { why } => format!("a tracker is refused: {why}"),
+        SensingEvent::Server { server, version } => {
+            format!("NatNet {version} of {server} is heard")
+        }
+        SensingEvent::NoBody { at, server: false } if at.ip().is_multicast() => format!(
+            "nothing comes to udp:{at} yet, or who sends there does not answer at its port {COMMAND_PORT}; does Motive stream, to \
+             this group, on this network? udp:ADDRESS:{COMMAND_PORT} asks it there"
+        ),
+        SensingEvent::NoBody { at, server: false } => format!(
+            "no server answers at udp:{at} yet; does Motive stream, on this network, and is that its command port \
+             (usually {COMMAND_PORT})?"
+        ),
+        SensingEvent::NoBody { .. } => {
+            "Motive answers, but no rigid body or bone that is worn comes; are they switched on in its Data Streaming, and does \
+             a firewall let its frames in?"
+                .to_owned()
+        }
     }
 }

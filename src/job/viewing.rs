@@ -255,7 +255,8 @@ impl<'a> Viewing<'a> {
                 let kind = match event {
                     SensingEvent::Back { .. }
                     | SensingEvent::Unstuck { .. }
-                    | SensingEvent::OpenToNetwork { .. } => SpanKind::Event,
+                    | SensingEvent::OpenToNetwork { .. }
+                    | SensingEvent::Server { .. } => SpanKind::Event,
                     _ => SpanKind::Wrong,
                 };
                 self.happened(view, kind, "sensors", &cues::of_event(event));

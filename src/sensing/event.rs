@@ -3,8 +3,9 @@
 use crate::capture::{Captured, Order};
 use crate::port::Clock;
 use crate::time::Instant;
+use crate::wire::natnet::Version;
 use glam::{DQuat, DVec3};
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 /// Something that whoever set the sensors up may want to know at once.
@@ -67,6 +68,20 @@ pub enum SensingEvent<'a> {
     TrackerRefused {
         /// Why, in words.
         why: &'a str,
+    },
+    /// A server of rigid bodies is heard from now on.
+    Server {
+        /// Where it is.
+        server: IpAddr,
+        /// The version of NatNet that it speaks.
+        version: Version,
+    },
+    /// No rigid body was heard so far.
+    NoBody {
+        /// The server, or the multicast group, as it was typed.
+        at: SocketAddr,
+        /// True if a server has answered.
+        server: bool,
     },
 }
 

@@ -3,6 +3,7 @@
 use super::imu::SerialImu;
 use super::intake::Intake;
 use super::lines::TextLines;
+use super::natnet::Bodies;
 use super::slimevr::Trackers;
 use crate::error::{Error, ErrorKind};
 use crate::rig::{Address, SameDevice, open_stream};
@@ -31,11 +32,11 @@ pub enum What {
         /// Where it is.
         address: Address,
     },
-    /// Trackers that send datagrams.
+    /// Trackers that send datagrams, or bodies that a server streams.
     Trackers {
         /// Their profile.
         profile: String,
-        /// Where they are listened for.
+        /// Where they are listened for; of a server, where that is or the multicast group that it streams to.
         listen: SocketAddr,
     },
     /// Lines of text.
@@ -53,7 +54,7 @@ pub enum What {
 }
 
 const ALLOWED: &str = "imu:PROFILE@serial:/dev/ttyUSB0, imu:slimevr@udp:0.0.0.0:6969, \
-                       lines@/dev/ttyACM0?baud=115200 or servos:ROBOT@BUS, each with NAME= before it";
+                       imu:natnet@udp:192.168.1.10:1510, lines@/dev/ttyACM0?baud=115200 or servos:ROBOT@BUS, each with NAME= before it";
 
 impl FromStr for Source {
     type Err = Error;
@@ -104,6 +105,8 @@ pub enum Opened {
     Imu(Box<SerialImu>),
     /// Trackers.
     Trackers(Box<Trackers>),
+    /// Bodies that a server streams.
+    Bodies(Box<Bodies>),
     /// Lines of text.
     Lines(Box<TextLines>),
 }
@@ -114,6 +117,7 @@ impl Opened {
         match self {
             Self::Imu(imu) => imu.record(intake),
             Self::Trackers(trackers) => trackers.record(intake),
+            Self::Bodies(bodies) => bodies.record(intake),
             Self::Lines(lines) => lines.record(intake),
         }
     }
@@ -138,9 +142,12 @@ impl Source {
             What::Imu { profile, address } => {
                 let sensor = load(profile)?;
                 let Some(baud_bps) = sensor.baud_bps else {
-                    return Err(mismatch(
-                        "SlimeVR trackers send UDP: imu:slimevr@udp:0.0.0.0:6969",
-                    ));
+                    return Err(mismatch(match sensor.protocol {
+                        SensorProtocol::Natnet => {
+                            "Motive streams UDP: imu:natnet@udp:192.168.1.10:1510, its address"
+                        }
+                        _ => "SlimeVR trackers send UDP: imu:slimevr@udp:0.0.0.0:6969",
+                    }));
                 };
                 let port = open_stream(address, baud_bps)?;
                 let name = self.name.clone().unwrap_or_else(|| sensor.name.clone());
@@ -151,11 +158,19 @@ impl Source {
             }
             What::Trackers { profile, listen } => {
                 let sensor = load(profile)?;
-                if sensor.protocol != SensorProtocol::Slimevr {
-                    return Err(mismatch("only SlimeVR trackers send UDP"));
+                let name = self.name.clone();
+                match sensor.protocol {
+                    SensorProtocol::Slimevr => {
+                        let name = name.unwrap_or_else(|| "tracker".to_owned());
+                        let trackers = Trackers::open(name, sensor, *listen, worn)?;
+                        Ok(Opened::Trackers(Box::new(trackers)))
+                    }
+                    SensorProtocol::Natnet => {
+                        let bodies = Bodies::open(name, sensor, *listen, worn)?;
+                        Ok(Opened::Bodies(Box::new(bodies)))
+                    }
+                    _ => Err(mismatch("only SlimeVR trackers and Motive (natnet) send UDP")),
                 }
-                let name = self.name.clone().unwrap_or_else(|| "tracker".to_owned());
-                Trackers::open(name, sensor, *listen, worn).map(|t| Opened::Trackers(Box::new(t)))
             }
             What::Lines { address } => {
                 let port = open_stream(address, TEXT_BAUD_BPS)?;

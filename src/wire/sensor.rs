@@ -81,6 +81,8 @@ pub enum World {
     NorthEastDown,
     /// X north, Y west, Z up.
     NorthWestUp,
+    /// X left, Y up, Z forward.
+    LeftUpForward,
 }
 
 /// How the bytes of a stream are laid out.

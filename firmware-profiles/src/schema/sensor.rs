@@ -88,6 +88,8 @@ pub enum SensorProtocol {
     Slip,
     /// SlimeVR trackers over UDP.
     Slimevr,
+    /// Motive's rigid bodies and bones over UDP.
+    Natnet,
 }
 
 /// An axis and its sense.
@@ -139,6 +141,8 @@ pub enum WorldAxes {
     NorthEastDown,
     /// X north, Y west, Z up.
     NorthWestUp,
+    /// X left, Y up, Z forward, of a room that knows no north.
+    LeftUpForward,
 }
 
 /// A packet counter.

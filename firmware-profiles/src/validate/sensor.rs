@@ -38,7 +38,7 @@ pub(crate) fn sensor(file: &str, sensor: &Sensor) -> Verdict {
 }
 
 fn line_speed(file: &str, sensor: &Sensor) -> Verdict {
-    let udp = sensor.protocol == SensorProtocol::Slimevr;
+    let udp = matches!(sensor.protocol, SensorProtocol::Slimevr | SensorProtocol::Natnet);
     match sensor.baud_bps {
         None if udp => Ok(()),
         Some(1..) if !udp => Ok(()),
@@ -154,7 +154,7 @@ fn carries(protocol: SensorProtocol, quantity: Quantity) -> bool {
     use SensorProtocol as P;
     match protocol {
         P::Bno08xRvc => matches!(quantity, Q::Acceleration | Q::Euler),
-        P::MpuTeapot => quantity == Q::Orientation,
+        P::MpuTeapot | P::Natnet => quantity == Q::Orientation,
         P::Slimevr => {
             matches!(quantity, Q::LinearAcceleration | Q::Orientation | Q::Temperature)
         }

@@ -1,10 +1,11 @@
 //! Any sensor stream in every format: no panic, progress at every step, and the same readings
 //! whether the bytes arrive at once or a few at a time; samples of them are numbered in order and have
-//! orientations that are some. SlimeVR datagrams besides.
+//! orientations that are some. SlimeVR and NatNet datagrams besides.
 
 use gaitway::capture::{Chain, Mode};
 use gaitway::time::{Duration, Instant};
 use gaitway::wire::Decoded;
+use gaitway::wire::natnet::{self, Message, Version};
 use gaitway::wire::sensor::{Column, Format, Lines, Stream, decode, slimevr};
 use gaitway_profiles::{Sensor, sensor};
 use std::sync::LazyLock;
@@ -79,6 +80,10 @@ fn samples(number: u8, line: &[u8]) {
     let mut messages = 0;
     let _ = slimevr::decode(line, |_| messages += 1);
     assert!(messages <= line.len());
+    let version = Version { major: number % 8, minor: number / 8 };
+    if let Ok(Message::Frame(frame)) = natnet::decode(line, Some(version)) {
+        assert!(frame.bodies.len() <= line.len() / 38);
+    }
 }
 
 // The first two bytes are the format and the portion in which the line arrives.

@@ -2,7 +2,7 @@
 //!
 //! Sources: WitMotion "WIT Standard Protocol"; BNO080 data sheet 1.3, section 1.3.5.2; Xsens "MT Low
 //! Level Communication Protocol"; VectorNav VN-100 user manual (UM001); x-io x-IMU3 user manual;
-//! i2cdevlib MPU6050_DMP6; SlimeVR-Server at 5549763, udp/*.kt.
+//! i2cdevlib MPU6050_DMP6; SlimeVR-Server at 5549763, udp/*.kt; Movella DOT BLE Services Specification, XD0506P rev. C.
 
 use super::turn;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -38,6 +38,25 @@ pub enum ImuWire {
     Slip,
     /// SlimeVR datagrams of rotation and acceleration, sensor 0.
     SlimeVr,
+    /// Notifications of a Movella DOT, each in a SLIP frame.
+    MovellaDot(DotPayload),
+}
+
+/// Payload modes of a Movella DOT.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DotPayload {
+    /// Time, quaternion, free acceleration, status, counts of clipping.
+    ExtendedQuaternion,
+    /// Time, quaternion, free acceleration.
+    CompleteQuaternion,
+    /// Time, quaternion.
+    OrientationQuaternion,
+    /// Time, acceleration, angular velocity.
+    RateQuantities,
+    /// Time, Euler angles, free acceleration, angular velocity.
+    CustomMode1,
+    /// Time, quaternion, acceleration, angular velocity.
+    CustomMode5,
 }
 
 /// What a sensor measured, SI units, own axes.
@@ -77,6 +96,7 @@ impl ImuWire {
             Self::Cobs => cobs(&record(measured)),
             Self::Slip => stuffed(&record(measured), 0xC0),
             Self::SlimeVr => slimevr(measured),
+            Self::MovellaDot(payload) => stuffed(&notification(payload, measured), 0xC0),
         }
     }
 }
@@ -293,5 +313,36 @@ fn slimevr(measured: &Measured) -> Vec<u8> {
     for acceleration in measured.linear_acceleration_m_s2 {
         out.extend(count(acceleration, 128.0).to_be_bytes());
     }
+    out
+}
+
+/// Filled up with zeros to the length of its characteristic: 20, 40 or 63 bytes.
+fn notification(payload: DotPayload, measured: &Measured) -> Vec<u8> {
+    let quaternion = || measured.orientation.to_vec();
+    let euler = || turn::to_euler(measured.orientation).map(f64::to_degrees).to_vec();
+    let force = || measured.specific_force_m_s2.to_vec();
+    let rate = || measured.rate_rad_s.map(f64::to_degrees).to_vec();
+    // In the world: the sensor's own, turned.
+    let free = || {
+        let [x, y, z] = measured.linear_acceleration_m_s2;
+        let back = turn::inverse(measured.orientation);
+        turn::times(turn::times(measured.orientation, [0.0, x, y, z]), back)[1..].to_vec()
+    };
+    let (values, length) = match payload {
+        DotPayload::ExtendedQuaternion | DotPayload::CompleteQuaternion => {
+            ([quaternion(), free()].concat(), 40)
+        }
+        DotPayload::OrientationQuaternion => (quaternion(), 20),
+        DotPayload::RateQuantities => ([force(), rate()].concat(), 40),
+        DotPayload::CustomMode1 => ([euler(), free(), rate()].concat(), 40),
+        DotPayload::CustomMode5 => ([quaternion(), force(), rate()].concat(), 63),
+    };
+    let mut out = ((microseconds(measured) & 0xFFFF_FFFF) as u32).to_le_bytes().to_vec();
+    out.extend(floats_le(&values));
+    if payload == DotPayload::ExtendedQuaternion {
+        // The magnetic field is new; nothing is clipped.
+        out.extend([0x00, 0x02, 0, 0]);
+    }
+    out.resize(length, 0);
     out
 }

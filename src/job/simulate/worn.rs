@@ -5,7 +5,9 @@ use crate::body::Segment;
 use crate::body::proportions::proximal_joint;
 use crate::error::Error;
 use gaitway_profiles::{Sensor, SensorProtocol};
-use gaitway_sim::imu::{BodyMotion, ImuError, ImuErrors, ImuMotion, ImuWire, Mount, VirtualImu};
+use gaitway_sim::imu::{
+    BodyMotion, DotPayload, ImuError, ImuErrors, ImuMotion, ImuWire, Mount, VirtualImu,
+};
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -99,6 +101,28 @@ pub fn wire(sensor: &Sensor) -> Result<ImuWire, Error> {
         (SensorProtocol::Lines, "nmea-imu") => ImuWire::Nmea,
         (SensorProtocol::Cobs, "cobs-imu") => ImuWire::Cobs,
         (SensorProtocol::Slip, "slip-imu") => ImuWire::Slip,
+        (SensorProtocol::Slip, "movella-dot") => ImuWire::MovellaDot(DotPayload::CustomMode5),
+        (SensorProtocol::Slip, "movella-dot-rate") => {
+            ImuWire::MovellaDot(DotPayload::RateQuantities)
+        }
+        (SensorProtocol::Slip, "movella-dot-extended") => {
+            ImuWire::MovellaDot(DotPayload::ExtendedQuaternion)
+        }
+        (SensorProtocol::Slip, "movella-dot-complete") => {
+            ImuWire::MovellaDot(DotPayload::CompleteQuaternion)
+        }
+        (SensorProtocol::Slip, "movella-dot-orientation") => {
+            ImuWire::MovellaDot(DotPayload::OrientationQuaternion)
+        }
+        (SensorProtocol::Slip, "movella-dot-custom1") => {
+            ImuWire::MovellaDot(DotPayload::CustomMode1)
+        }
+        (SensorProtocol::Natnet, _) => {
+            return Err(Error::new("virtual persons wear no markers")
+                .at("--profile")
+                .got(sensor.name.clone())
+                .allowed("profiles of inertial sensors"));
+        }
         (SensorProtocol::Lines | SensorProtocol::Cobs | SensorProtocol::Slip, _) => {
             return Err(Error::new("virtual sensors cannot send columns of your own")
                 .at("--profile")

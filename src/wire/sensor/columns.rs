@@ -111,10 +111,11 @@ impl Number {
     }
 }
 
-/// A record of exactly these columns, little-endian, without padding.
+/// A record of exactly these columns, little-endian, without padding between them. Zeros may follow, for who sends all records in
+/// one length.
 pub(super) fn record(columns: &[Column], mut bytes: &[u8]) -> Result<Reading, Reason> {
     let length = columns.iter().map(|column| column.number.bytes()).sum();
-    if bytes.len() != length {
+    if bytes.len() < length || bytes[length..].iter().any(|&byte| byte != 0) {
         return Err(Reason::Length { claimed: bytes.len(), least: length, most: length });
     }
     reading(columns, |column| {
