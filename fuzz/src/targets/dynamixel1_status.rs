@@ -1,9 +1,9 @@
 //! Any line of Protocol 1.0: no panic, progress at every step, the same statuses whether the bytes
 //! arrive at once or a few at a time, and the same packets as Feetech's, which they share.
 
+use crate::shared::{Seen, mend_feetech, read_line};
 use gaitway::wire::dynamixel1::{MAX_PACKET, abandon, decode};
 use gaitway::wire::feetech;
-use crate::shared::{Seen, mend_feetech, read_line};
 
 fn statuses(line: &[u8], portion: usize, longest: usize) -> Vec<Seen> {
     let front = |bytes: &[u8]| {

@@ -1,9 +1,9 @@
 //! Any line of Protocol 2.0: no panic, progress at every step, and the same statuses whether the
 //! bytes arrive at once or a few at a time. What is accepted is what the encoder would have sent.
 
+use crate::shared::{Seen, mend_dynamixel2, read_line};
 use gaitway::wire::Decoded;
 use gaitway::wire::dynamixel2::{MAX_PACKET, abandon, decode};
-use crate::shared::{Seen, mend_dynamixel2, read_line};
 
 fn statuses(line: &[u8], portion: usize) -> Vec<Seen> {
     let mut scratch = Vec::new();

@@ -1,8 +1,8 @@
 //! Any Feetech line, STS and SCS alike: no panic, progress at every step, and the same statuses whether the bytes
 //! arrive at once or a few at a time.
 
-use gaitway::wire::feetech::{MAX_PACKET, abandon, decode};
 use crate::shared::{Seen, mend_feetech, read_line};
+use gaitway::wire::feetech::{MAX_PACKET, abandon, decode};
 
 fn statuses(line: &[u8], portion: usize, longest: usize) -> Vec<Seen> {
     let front = |bytes: &[u8]| {

@@ -1,11 +1,11 @@
 //! Any bytes as a capture (BVH) and as a table of joint angles (CSV): no panic, every bound kept,
 //! and a capture that is read is read the same after it was written.
 
+use crate::shared::Scratch;
 use gaitway::job::source::joints;
 use gaitway::mocap::bvh::{self, Bvh, MAX_DEPTH, MAX_JOINTS, MAX_POSES};
 use gaitway::mocap::clip::Clip;
 use gaitway::mocap::mapping::Mapping;
-use crate::shared::Scratch;
 
 fn capture(text: &[u8]) {
     let Ok(bvh) = bvh::parse(text) else { return };

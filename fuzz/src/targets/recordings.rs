@@ -1,11 +1,11 @@
 //! Any bytes as a recording, through everything that reads one: no panic, and what is recovered is a
 //! finished file that says the same.
 
+use crate::shared::Scratch;
 use gaitway::job::source::joints;
 use gaitway::recording::{
     Recording, read_orientations, recover, run_start, sensor_series, summary, write_csv,
 };
-use crate::shared::Scratch;
 
 /// Makes the records of every chunk good as they are: a check sum of zero says that there is none.
 fn mend(file: &mut [u8]) {

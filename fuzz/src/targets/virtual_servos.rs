@@ -1,9 +1,9 @@
 //! Any bytes from a host to virtual servos of every family: no panic, an end in bounded time, and
 //! nothing said that is not in the form of the family; what the host does wrong, it hears nothing of.
 
+use crate::shared::{dynamixel2_packet, mend_dynamixel2, mend_feetech, mixed_robot};
 use gaitway::wire::Decoded;
 use gaitway::wire::dynamixel2;
-use crate::shared::{mend_dynamixel2, mend_feetech, mixed_robot};
 use gaitway_profiles::Robot;
 use gaitway_sim::{Options, World};
 
@@ -61,6 +61,6 @@ pub fn fuzz(input: &[u8]) {
     if let [code, params @ ..] = line.as_slice()
         && params.len() < 64
     {
-        one_answer(&gaitway_fuzz::dynamixel2_packet(1, code % 2 + 1, params));
+        one_answer(&dynamixel2_packet(1, code % 2 + 1, params));
     }
 }
