@@ -139,6 +139,29 @@ fn names_of_bodies_and_bones_are_read_in_every_version() {
     assert_eq!(quad, [Model { part: Part::Body(2), owner: None, name: "RaceQuad".to_owned() }]);
 }
 
+/// 4.2 tells of each body how it is turned on its parent: four numbers between its place and its markers.
+#[test]
+fn descriptions_that_tell_how_a_body_is_turned_are_read() {
+    let text = |name: &str| [name.as_bytes(), &[0]].concat();
+    let described = |name: &str, id: i32| {
+        let turned = [0.0_f32, 0.6, 0.0, 0.8].map(f32::to_le_bytes).concat();
+        // Its parent and its place; one marker, whose label and name follow.
+        let marker = [&int(1)[..], &[0; 12 + 4], &text("m1")].concat();
+        [text(name), id.to_le_bytes().to_vec(), vec![0; 4 + 12], turned, marker].concat()
+    };
+    let kind =
+        |kind: usize, inside: Vec<u8>| [&int(kind)[..], &int(inside.len()), &inside].concat();
+    let bones = [described("Ann_Hip", 1), described("Ab", 2)].concat();
+    let skeleton = [text("Ann"), int(3).to_vec(), int(2).to_vec(), bones].concat();
+    let all = [int(2).to_vec(), kind(1, described("wand", 7)), kind(2, skeleton)].concat();
+    let read = natnet::decode(&datagram(5, &all), Some(version(4, 2)));
+    let Ok(Message::Models(models)) = read else { panic!("{read:?}") };
+    let told: Vec<_> = models.iter().map(|of| (of.part, of.name.as_str())).collect();
+    let expected =
+        [(Part::Body(7), "wand"), (Part::Bone(3, 1), "Ann_Hip"), (Part::Bone(3, 2), "Ab")];
+    assert_eq!(told, expected);
+}
+
 /// The number of entries says nothing of their length; the size of a section does.
 #[test]
 fn what_a_newer_version_puts_behind_the_entries_of_a_section_is_passed_over() {
@@ -155,7 +178,7 @@ fn what_a_newer_version_puts_behind_the_entries_of_a_section_is_passed_over() {
     let mut longer = whole.clone();
     longer[at + 4..at + 8].copy_from_slice(&(size + 6).to_le_bytes());
     longer.splice(end..end, [0xAA; 6]);
-    let read = natnet::decode(&longer, Some(version(4, 2)));
+    let read = natnet::decode(&longer, Some(version(4, 3)));
     assert_eq!(read, natnet::decode(whole, Some(version(4, 1))));
 }
 
@@ -362,7 +385,7 @@ fn record(group: Option<SocketAddr>, test: &str) {
         let frames = samples + hidden;
         assert!(count("missed").abs_diff(frames / 49) <= 1, "{source}");
         assert_eq!((&source["incomplete"], count("resets")), (&hidden.into(), 0), "{source}");
-        assert!(source["skew_ppm"].as_f64().expect("a number").abs() < 1000.0, "{source}");
+        assert!(source["skew_ppm"].as_f64().expect("a number").abs() < 5000.0, "{source}");
     }
     let convert = ["convert", "take.mcap", "take.csv"];
     let table = program::gaitway().current_dir(&folder).args(convert).output().expect("runs");

@@ -16,7 +16,7 @@ use crate::device::inertial::STANDARD_GRAVITY_M_S2;
 use crate::error::{Error, ErrorKind, counted};
 use crate::motion::follow::Chase;
 use crate::motion::{JointLimits, Setpoint};
-use crate::robot::{Robot, RobotBody};
+use crate::robot::{Joint, Robot, RobotBody};
 use crate::time::Instant;
 use gaitway_profiles as profiles;
 use glam::{DQuat, DVec3};
@@ -28,6 +28,8 @@ const STILL_SHARE: f64 = 0.2;
 const STILL_RAD_S: f64 = 0.3;
 /// And is no further from how its legs have it, rad: 15 deg. A sensor that is screwed on otherwise is further.
 const UPRIGHT_RAD: f64 = std::f64::consts::PI / 12.0;
+/// Ends of ranges are rounded inward to counts, of which none is larger, rad.
+const ROUNDING_RAD: f64 = 0.006;
 /// An answer this slow and this small is none any more, rad/s and rad.
 const REST: f64 = 1e-9;
 
@@ -154,29 +156,34 @@ pub fn leaves(robot: &Robot) -> Result<Robot, Error> {
 /// # Errors
 /// As [`leaves`].
 pub fn leaves_room(robot: &Robot, start_rad: &[f64]) -> Result<(Robot, Vec<f64>), Error> {
-    let most_rad = balance_of(robot)?.most_rad;
+    let balance = balance_of(robot)?;
     let mut file = leaves(robot)?.file;
-    let mut rooms_rad = vec![0.0; file.joints.len()];
-    let answers = |name: &str| {
-        let body = robot.file.body.as_ref().and_then(|body| body.balance.as_ref());
-        body.is_some_and(|balance| balance.joints.iter().any(|of| of.joint == name))
-    };
-    for (index, joint) in file.joints.iter_mut().enumerate() {
-        if !answers(&joint.name) {
+    let all = file.joints.iter_mut().zip(&robot.joints).zip(start_rad);
+    for ((joint, known), start_rad) in all {
+        if !balance.joints.iter().any(|of| of.joint == joint.name) {
             continue;
         }
-        let known = &robot.joints[index];
-        let (lower_rad, upper_rad) = (known.limits.lower_rad(), known.limits.upper_rad());
-        let room_rad = [start_rad[index], known.initial_rad]
-            .map(|at_rad| (at_rad - lower_rad).min(upper_rad - at_rad))
+        let room_rad = [*start_rad, known.initial_rad]
+            .map(|at_rad| room_rad(known, at_rad) - ROUNDING_RAD)
             .into_iter()
-            .fold(most_rad, f64::min);
-        // Who stands outside is told so elsewhere.
-        rooms_rad[index] = room_rad.max(0.0);
-        joint.lower_rad += rooms_rad[index];
-        joint.upper_rad -= rooms_rad[index];
+            .fold(balance.most_rad, f64::min)
+            // Who stands outside is told so elsewhere.
+            .max(0.0);
+        joint.lower_rad += room_rad;
+        joint.upper_rad -= room_rad;
     }
-    Ok((Robot::new(file)?, rooms_rad))
+    let leaves = Robot::new(file)?;
+    let rooms_rad = leaves.joints.iter().zip(&robot.joints).map(|(leaves, whole)| {
+        let [lower_rad, upper_rad] = [leaves.limits.lower_rad(), leaves.limits.upper_rad()];
+        room_rad(whole, lower_rad).min(room_rad(whole, upper_rad))
+    });
+    let rooms_rad = rooms_rad.collect();
+    Ok((leaves, rooms_rad))
+}
+
+/// How far a joint at this angle is from the nearer end of its range, rad.
+fn room_rad(joint: &Joint, at_rad: f64) -> f64 {
+    (at_rad - joint.limits.lower_rad()).min(joint.limits.upper_rad() - at_rad)
 }
 
 fn balance_of(robot: &Robot) -> Result<&profiles::BodyBalance, Error> {

@@ -181,6 +181,12 @@ impl Ready {
         }
     }
 
+    /// Looks at it once more: somebody may have moved it meanwhile.
+    fn look_again(&mut self, order: &LiveOrder) -> Result<(), Error> {
+        self.found = look(order, &mut self.connection, self.settings)?;
+        Ok(())
+    }
+
     /// How it keeps its balance from where it stands, if it is to, and the robot that goals are made for.
     fn balancing(&self, order: &LiveOrder) -> Result<(Option<Balancing>, Robot), Error> {
         let robot = self.connection.link.robot();
@@ -246,9 +252,6 @@ impl Job<'_> {
         }
         let found = look(order, &mut connection, settings)?;
         run.describe_preflight(&found);
-        if order.balances {
-            play::feel_first(&mut connection.link, &found)?;
-        }
         Ok(Some(Ready { connection, found, settings, witness }))
     }
 
@@ -310,7 +313,7 @@ impl Job<'_> {
         let followed =
             ready.follow(balancing, &mut newest, &mut recorder, self.observer, &mut self.report);
         self.report.describe_feet(&onto);
-        self.report.describe_balance();
+        self.report.describe_body();
         ready.describe_weight(&mut self.report);
         match followed {
             Ok(true) => recorder.finish(&mut self.report.run, &ready.connection),
@@ -346,7 +349,7 @@ impl Job<'_> {
     }
 }
 
-/// Looks at every servo, writes nothing.
+/// Looks at every servo, and at what the base feels if that is to be answered; writes nothing.
 fn look(
     order: &LiveOrder,
     connection: &mut Connection,
@@ -354,5 +357,9 @@ fn look(
 ) -> Result<Preflight, Error> {
     inject::point("preflight", 0);
     let accept = Accept { firmware: order.accept_firmware, eeprom: false };
-    preflight(&mut connection.link, settings.period, accept)
+    let found = preflight(&mut connection.link, settings.period, accept)?;
+    if order.balances {
+        play::feel_first(&mut connection.link, &found)?;
+    }
+    Ok(found)
 }

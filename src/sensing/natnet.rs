@@ -22,8 +22,9 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 const ASK: Duration = Duration::from_millis(500);
 /// A server that was silent for so long may have begun anew, and is asked who it is.
 const SILENCE: Duration = Duration::from_secs(3);
-/// Bodies heard at most.
+/// Bodies heard at most, and names kept.
 const MOST_BODIES: usize = 256;
+const MOST_NAMES: usize = 4096;
 /// Longest part of a name that is kept.
 const MOST_LETTERS: usize = 64;
 /// No datagram is longer.
@@ -46,6 +47,8 @@ pub struct Bodies {
     worn: Vec<String>,
     /// `None`: nobody wears it.
     heard: BTreeMap<Part, Option<Heard>>,
+    /// Those that have another name now.
+    renamed: Vec<Heard>,
     asked: Option<Instant>,
     last: Instant,
     bad: u64,
@@ -89,7 +92,7 @@ impl Bodies {
             false => (None, Some(address)),
         };
         let worn = worn.to_vec();
-        let (names, heard) = Default::default();
+        let (names, heard, renamed) = Default::default();
         let (info, asked, ended) = Default::default();
         let (asks_names, last, bad, refused) = (true, MonotonicClock.now(), 0, 0);
         let bodies = Self {
@@ -104,6 +107,7 @@ impl Bodies {
             asks_names,
             worn,
             heard,
+            renamed,
             asked,
             last,
             bad,
@@ -155,7 +159,8 @@ impl Bodies {
 
     fn receive(&self, buffer: &mut [u8]) -> Option<(usize, SocketAddr)> {
         let Some(group) = &self.group else { return self.command.recv_from(buffer).ok() };
-        self.command.recv_from(buffer).or_else(|_| group.recv_from(buffer)).ok()
+        // Frames first: whoever floods the other one keeps none from being heard.
+        group.recv_from(buffer).or_else(|_| self.command.recv_from(buffer)).ok()
     }
 
     /// Asks for what is not known yet. What gets lost is asked for again.
@@ -234,17 +239,27 @@ impl Bodies {
 
     fn name(&mut self, models: Vec<Model>) {
         self.asks_names = false;
+        let before = std::mem::take(&mut self.names);
         for Model { part, owner, name } in models {
             let name = match owner {
-                Some(owner) if !name.starts_with(&owner) => format!("{owner}_{name}"),
+                Some(owner) if !name.starts_with(&format!("{owner}_")) => format!("{owner}_{name}"),
                 _ => name,
             };
             let name = match &self.name {
                 Some(prefix) => format!("{prefix}-{}", plain(&name)),
                 None => plain(&name),
             };
-            self.names.insert(part, name);
+            if self.names.len() < MOST_NAMES {
+                self.names.insert(part, name);
+            }
         }
+        // A number that is another body's now is another sensor.
+        let (names, renamed) = (&self.names, &mut self.renamed);
+        self.heard.retain(|part, heard| {
+            let is_same = names.get(part) == before.get(part);
+            renamed.extend(heard.take_if(|_| !is_same));
+            is_same
+        });
     }
 
     fn hear(&mut self, frame: &Frame, now: Instant, intake: &Intake) {
@@ -276,11 +291,12 @@ impl Bodies {
             self.asks_names = true;
             return false;
         };
-        if self.heard.len() >= MOST_BODIES {
+        let is_worn = self.worn.is_empty() || self.worn.contains(name);
+        let heard = self.heard.values().flatten().count() + self.renamed.len();
+        if is_worn && heard >= MOST_BODIES {
             self.refused += 1;
             return false;
         }
-        let is_worn = self.worn.is_empty() || self.worn.contains(name);
         let heard = is_worn.then(|| {
             let metadata = [("profile", self.sensor.name.as_str())];
             let source = intake.add(name, SourceKind::Imu, &metadata);
@@ -313,7 +329,8 @@ impl Bodies {
         // Datagrams are nobody's in particular: they are told once.
         let (mut refused, mut bad_packets) = (self.refused, self.bad);
         let mut is_heard = false;
-        for Heard { source, chain, lost, lost_between, .. } in self.heard.into_values().flatten() {
+        let all = self.renamed.into_iter().chain(self.heard.into_values().flatten());
+        for Heard { source, chain, lost, lost_between, .. } in all {
             is_heard = true;
             let mut report = SourceReport::of(&source.name, &chain);
             report.refused = std::mem::take(&mut refused);
@@ -518,13 +535,44 @@ mod tests {
     }
 
     #[test]
+    fn a_number_that_goes_to_another_body_is_another_sensor() {
+        let reports = scene(bodies(typed(), None, &[]), |take| {
+            take(&server(3, 0), SERVER, 0.0);
+            take(&models(&[("hip", 4), ("head", 5)]), SERVER, 0.0);
+            for number in 0..30 {
+                if number == 10 {
+                    take(&models(&[("wand", 4), ("head", 5)]), SERVER, 0.1);
+                }
+                take(&frame(number, &[(4, true), (5, true)]), SERVER, f64::from(number) / 100.0);
+            }
+        });
+        let told: Vec<_> = reports.iter().map(|r| (r.name.as_str(), r.counts.samples)).collect();
+        assert_eq!(told, [("head", 30), ("hip", 10), ("wand", 20)]);
+    }
+
+    #[test]
+    fn whoever_is_worn_is_heard_however_many_others_are_streamed() {
+        let names: Vec<String> = (0..300).map(|at| format!("b{at}")).collect();
+        let all: Vec<(&str, i32)> = names.iter().map(String::as_str).zip(0..).collect();
+        let seen: Vec<(i32, bool)> = (0..300).map(|at| (at, true)).collect();
+        for (worn, heard, refused) in [(["b299"].as_slice(), 1, 0), (&[], MOST_BODIES, 44)] {
+            let reports = scene(bodies(typed(), None, worn), |take| {
+                take(&server(3, 0), SERVER, 0.0);
+                take(&models(&all), SERVER, 0.0);
+                take(&frame(1, &seen), SERVER, 0.01);
+            });
+            assert_eq!((reports.len(), reports.iter().map(|r| r.refused).sum()), (heard, refused));
+        }
+    }
+
+    #[test]
     fn a_version_that_is_not_read_is_refused_by_its_number() {
         for (major, minor) in [(2, 5), (5, 0)] {
             let reports = scene(bodies(typed(), None, &[]), |take| {
                 take(&server(major, minor), SERVER, 0.0);
             });
             let why = reports[0].ended.clone().expect("it ends");
-            let says = format!("NatNet {major}.{minor}; 2.6 to 4.1 are read");
+            let says = format!("NatNet {major}.{minor}; 2.6 to 4.2 are read");
             assert!(why.contains(&says), "{why}");
         }
     }

@@ -22,7 +22,7 @@ const MODELS: u16 = 5;
 const FRAME: u16 = 7;
 const DISCONNECT: u16 = 9;
 const KEEP_ALIVE: u16 = 10;
-/// Length of a program's name.
+/// Length of a program's name, and of any other that is kept.
 const NAME_BYTES: usize = 256;
 /// A name, the program's version and the protocol's.
 const SENDER_BYTES: usize = NAME_BYTES + 8;
@@ -41,8 +41,8 @@ pub struct Version {
 impl Version {
     /// The oldest that says whether a body is tracked.
     pub const OLDEST: Self = Self { major: 2, minor: 6 };
-    /// The newest that was read here; a newer 4 is read by the sizes it tells.
-    pub const NEWEST: Self = Self { major: 4, minor: 1 };
+    /// The newest whose layout is known; a newer 4 is read by the sizes it tells.
+    pub const NEWEST: Self = Self { major: 4, minor: 2 };
 
     /// True if its frames can be read.
     #[must_use]
@@ -390,6 +390,10 @@ fn described(rest: &mut &[u8], version: Version) -> Result<(String, i32), Reason
     let (name, id) = (text(rest)?, number_of(rest)?);
     // Its parent, and where it is on that.
     skip(rest, 4 + 12)?;
+    if version.from(4, 2) {
+        // And how it is turned there.
+        skip(rest, 16)?;
+    }
     if version.from(3, 0) {
         // Markers: their places, their labels and, since 4.0, their names.
         let markers = count(rest)?;
@@ -468,7 +472,7 @@ fn text(rest: &mut &[u8]) -> Result<String, Reason> {
     let end = rest.iter().position(|&byte| byte == 0).ok_or(interrupted)?;
     let bytes = part(rest, end)?;
     skip(rest, 1)?;
-    Ok(String::from_utf8_lossy(bytes).into_owned())
+    Ok(String::from_utf8_lossy(&bytes[..bytes.len().min(NAME_BYTES)]).into_owned())
 }
 
 fn floats<const N: usize>(rest: &mut &[u8]) -> Result<[f64; N], Reason> {

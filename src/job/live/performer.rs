@@ -4,7 +4,7 @@ use crate::body::SegmentPose;
 use crate::mocap::anatomy::Capture;
 
 /// So long a robot that is late is waited for at the end, s.
-const LONGEST_WAIT_S: f64 = 3.0;
+pub const LONGEST_WAIT_S: f64 = 3.0;
 
 /// Performs a capture: stands in its first pose until the robot has reached it, then moves.
 pub struct Performer {

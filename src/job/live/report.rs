@@ -230,11 +230,11 @@ impl LiveReport {
         self.approaching_s += arriving_s;
         self.run.approach_s = self.approaching_s;
         self.feet = onto.lifts();
-        self.run.notes.extend(self.feet.and_then(onto_robot::note));
     }
 
-    /// Says what balancing came to, if the robot did.
-    pub(super) fn describe_balance(&mut self) {
+    /// Says what became of feet and of balance, where there are any.
+    pub(super) fn describe_body(&mut self) {
+        self.run.notes.extend(self.feet.and_then(onto_robot::note));
         self.run.notes.extend(self.run.balance.as_ref().map(BalanceFigures::words));
     }
 

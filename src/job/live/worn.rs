@@ -3,9 +3,10 @@
 use super::lost::{self, Lost};
 use super::naming::{HowNamed, LiveWord, NamedBody, Naming, PosedNow};
 use super::onto_robot::{FollowingBody, OntoRobot};
+use super::performer::LONGEST_WAIT_S;
 use super::report::{self, BodyReport, LiveReport};
 use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Overheard, When};
-use super::{Job, Ready, look};
+use super::{Job, Ready};
 use crate::body::Segment;
 use crate::body::worn::calibrate::words;
 use crate::body::worn::doubt::Doubts;
@@ -155,8 +156,8 @@ impl Job<'_> {
             let unknown = |error: Error| {
                 Error {
                 allowed: Some(
-                    "SEGMENT=imu:PROFILE@BUS, imu:slimevr@udp:0.0.0.0:6969, or, alone, replay:FILE.mcap or \
-                     file:MOTION"
+                    "SEGMENT=imu:PROFILE@BUS, imu:slimevr@udp:0.0.0.0:6969, imu:natnet@udp:ADDRESS:1510, or, alone, \
+                     replay:FILE.mcap or file:MOTION"
                         .into(),
                 ),
                 ..error
@@ -382,7 +383,7 @@ impl Job<'_> {
         mut recorder: RunRecorder,
     ) -> Result<Option<(RunRecorder, Ready)>, Error> {
         let followed = self.followed(body, &mut ready, &mut recorder);
-        self.report.describe_balance();
+        self.report.describe_body();
         ready.describe_weight(&mut self.report);
         match followed {
             Ok(true) => Ok(Some((recorder, ready))),
@@ -468,7 +469,7 @@ impl Job<'_> {
         report: &mut LiveReport,
     ) -> Result<bool, Error> {
         // Somebody may have moved the robot while the person was calibrated.
-        ready.found = look(self.order, &mut ready.connection, ready.settings)?;
+        ready.look_again(self.order)?;
         let (balancing, robot) = ready.balancing(self.order)?;
         let settings = retarget::Settings::default();
         let worn = body.wearing.worn();
@@ -482,16 +483,24 @@ impl Job<'_> {
         }
         report.run.notes.extend(online.notes().iter().cloned());
         let following = FollowingBody::of(&robot, &model, &worn, self.order.hangs)?;
-        let warning = following.as_ref().and_then(FollowingBody::warning);
+        let is_first = body.following_since.is_none();
+        let warning = following.as_ref().and_then(FollowingBody::warning).filter(|_| is_first);
         warning.into_iter().for_each(|warning| self.observer.hear(Event::Note(warning)));
         let here_rad = &ready.found.start_rad;
         let adjuster = following.as_ref().map(|following| following.adjuster(here_rad));
         let mut onto = OntoRobot::new(&model, online, adjuster);
         let mut trend = Trend::default();
         let of_limbs = WornLimb::ALL.map(|limb| lost::joints(&model, limb));
+        let mut ending: Option<Instant> = None;
         let mut newest = |now: Instant, approaching: bool| {
             let is_coming = approaching || onto.is_arriving();
-            if body.answers.is_called() || body.is_over(now, is_coming) {
+            // Who stands on one leg puts the other one down first, if the person does.
+            let ends = body.answers.is_called() || body.is_late(now, is_coming);
+            let waits = ends && onto.is_stepping() && {
+                let since = *ending.get_or_insert(now);
+                now.seconds_since(since) <= LONGEST_WAIT_S
+            };
+            if ends && !waits || body.is_over() {
                 return Input::End;
             }
             let Some((moment, oldest_s, dt_s)) = body.moment(now) else { return Input::Nothing };
@@ -510,7 +519,7 @@ impl Job<'_> {
         let mut last = None;
         while !self.observer.wants_to_stop() {
             let now = clock.now();
-            if body.is_over(now, false) {
+            if body.is_late(now, false) || body.is_over() {
                 break;
             }
             if let Some((moment, ..)) = body.moment(now) {
@@ -555,7 +564,7 @@ fn answer(
     recorder: &mut RunRecorder,
     run: &mut PlayReport,
 ) -> Result<(), Error> {
-    ready.found = look(job.order, &mut ready.connection, ready.settings)?;
+    ready.look_again(job.order)?;
     let Ready { connection, found, settings, .. } = ready;
     let motion = &body.answers.list[call.answer].motion;
     let options = job.order.answer_options();
@@ -716,18 +725,18 @@ impl<'a> Body<'a> {
     }
 
     /// True once there is nothing more to follow.
-    fn is_over(&mut self, now: Instant, approaching: bool) -> bool {
+    fn is_over(&self) -> bool {
+        let is_alone = self.lost.as_ref().is_some_and(Lost::is_all);
+        is_alone || self.is_swapped() || self.sensors.ended().is_some() || self.sensors.is_over()
+    }
+
+    /// True once it was followed for as long as it was to be; that counts from when nobody is `approaching` any more.
+    fn is_late(&mut self, now: Instant, approaching: bool) -> bool {
         if !approaching {
             self.following_since.get_or_insert(now);
         }
         let follows = self.following_since.map(|since| now.since(since));
-        let is_late = self.longest.zip(follows).is_some_and(|(longest, time)| time >= longest);
-        let is_alone = self.lost.as_ref().is_some_and(Lost::is_all);
-        is_late
-            || is_alone
-            || self.is_swapped()
-            || self.sensors.ended().is_some()
-            || self.sensors.is_over()
+        self.longest.zip(follows).is_some_and(|(longest, time)| time >= longest)
     }
 
     /// True of a body that leads a robot with sensors that seem to be swapped, unless that is insisted on.

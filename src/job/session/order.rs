@@ -176,7 +176,7 @@ pub(super) fn sensors(sources: &[Source], wear: &Wear) -> Result<Vec<Worn>, Erro
                 return Err(Error::new("a session records sensors that are worn")
                     .got(text)
                     .allowed(
-                        "SEGMENT=imu:PROFILE@BUS, or imu:slimevr@udp:0.0.0.0:6969 with --wear",
+                        "SEGMENT=imu:PROFILE@BUS, or imu:slimevr@udp:0.0.0.0:6969, imu:natnet@udp:ADDRESS:1510 with --wear",
                     ));
             }
         }

@@ -61,6 +61,8 @@ const LEG_PACE: f64 = 0.5;
 const REST_PACE: f64 = 0.7;
 /// How fast goals go beyond poses as weight goes from foot to foot, 1/s.
 const GIVES_WAY_PER_S: f64 = 10.0;
+/// And how far at most, rad: a servo that gives way further holds no robot, or its file is wrong.
+const MOST_BEYOND_RAD: f64 = 0.15;
 /// How much of the room counts in so many steps: of the first pose, and of one that follows.
 const FIRST: [(f64, usize); 3] = [(0.15, 6), (0.5, 6), (1.0, 12)];
 const NEXT: [(f64, usize); 1] = [(1.0, 6)];
@@ -144,11 +146,10 @@ impl<'a> Adjuster<'a> {
         };
         let stands =
             stands && solver.feet().is_some_and(|feet| feet.iter().all(|sole| moves(sole)));
-        let up = solver.feet().filter(|_| stands).map(|soles| {
-            let placed = solver.place(here_rad);
-            let all = soles.iter().map(|sole| placed[sole.link].turn * sole.normal);
-            (all.sum::<DVec3>().try_normalize().unwrap_or(DVec3::Z), DVec3::ZERO)
-        });
+        let up = solver
+            .feet()
+            .filter(|_| stands)
+            .map(|_| (solver.of.body.up(here_rad).unwrap_or(DVec3::Z), DVec3::ZERO));
         // Who stands gets up from where it is; who does not may be anywhere at once.
         let before = stands.then(|| [here_rad.to_vec(), here_rad.to_vec()]);
         Self {
@@ -228,7 +229,8 @@ impl<'a> Adjuster<'a> {
         let part = 1.0 - (-dt_s * GIVES_WAY_PER_S).exp();
         for joint in self.legs.joints.iter().chain(&self.rest.joints) {
             let here_rad = &mut self.beyond_rad[*joint];
-            *here_rad += (beyond_rad[*joint] - *here_rad) * part;
+            let beyond_rad = beyond_rad[*joint].clamp(-MOST_BEYOND_RAD, MOST_BEYOND_RAD);
+            *here_rad += (beyond_rad - *here_rad) * part;
             let (lower_rad, upper_rad) = solver.of.limits_rad[*joint];
             pose[*joint] = (pose[*joint] + *here_rad).clamp(lower_rad, upper_rad);
         }
