@@ -469,7 +469,19 @@ fn a_wave_is_answered_by_a_bow_and_what_comes_meanwhile_is_counted_and_not_answe
     assert_eq!(report["cycles"].as_u64(), Some(cycles.len() as u64));
     assert!(cycles.iter().enumerate().all(|(at, of)| of.cycle == at as u64));
     the_robot_bows(&cycles);
+    answers_are_balanced(&again);
     answers_are_refused(&folder, &again);
+}
+
+/// On its own feet, with weight, a robot feels every cycle, those of answers as well.
+fn answers_are_balanced(again: &dyn Fn(&str) -> (Value, String)) {
+    let (report, said) = again("--recognise --when wave-r=play:bow --physics --balance");
+    assert_eq!(report["outcome"], "done", "{report}\n{said}");
+    assert!(report["fell_at_s"].is_null(), "{}", report["notes"]);
+    assert!(!report["answers"]["given"].as_array().expect("answers").is_empty(), "{said}");
+    assert_eq!(report["balance"]["felt_cycles"], report["cycles"], "{}", report["balance"]);
+    assert_eq!(report["referee"]["violations"], serde_json::json!([]));
+    assert_eq!(said.matches("taken to stand on its feet").count(), 1, "{said}");
 }
 
 /// The hips bend as they do in a bow, and nobody who waves bends them.
