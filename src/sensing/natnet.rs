@@ -39,6 +39,7 @@ pub struct Bodies {
     command: UdpSocket,
     /// Where frames come if they do not come where the server was asked.
     group: Option<UdpSocket>,
+    frames_first: bool,
     server: Option<SocketAddr>,
     info: Option<Server>,
     names: BTreeMap<Part, String>,
@@ -101,6 +102,7 @@ impl Bodies {
             address,
             command,
             group,
+            frames_first: false,
             server,
             info,
             names,
@@ -157,10 +159,16 @@ impl Bodies {
         self.report(intake);
     }
 
-    fn receive(&self, buffer: &mut [u8]) -> Option<(usize, SocketAddr)> {
+    /// The next datagram. Where there are two sockets each is looked at first in turn: whoever floods one keeps nobody from being
+    /// heard at the other.
+    fn receive(&mut self, buffer: &mut [u8]) -> Option<(usize, SocketAddr)> {
         let Some(group) = &self.group else { return self.command.recv_from(buffer).ok() };
-        // Frames first: whoever floods the other one keeps none from being heard.
-        group.recv_from(buffer).or_else(|_| self.command.recv_from(buffer)).ok()
+        self.frames_first = !self.frames_first;
+        let (first, then) = match self.frames_first {
+            true => (group, &self.command),
+            false => (&self.command, group),
+        };
+        first.recv_from(buffer).or_else(|_| then.recv_from(buffer)).ok()
     }
 
     /// Asks for what is not known yet. What gets lost is asked for again.
