@@ -3,6 +3,7 @@
 //! A random packet almost never has the right check sum, so each decoder is also tried on the
 //! input with its sums put right; otherwise nothing behind the check would ever be reached.
 
+use gaitway::mocap::bvh::{Bvh, MAX_JOINTS, MAX_POSES};
 use gaitway::wire::Decoded;
 use gaitway::wire::checksum::{crc16, sum8};
 use gaitway_profiles::{LineKind, Robot, Setup};
@@ -16,6 +17,17 @@ pub static ALLOCATOR: &PeakMemAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 /// A status that owns its bytes: id, and whatever else identifies what was read.
 pub type Seen = (u8, Vec<u8>);
+
+/// Panics if what was read as a capture is larger than one may be, or not whole.
+pub fn keeps_bounds(bvh: &Bvh) {
+    let (joints, poses) = (bvh.joints.len(), bvh.pose_count());
+    assert!((1..=MAX_JOINTS).contains(&joints) && (1..=MAX_POSES).contains(&poses));
+    assert_eq!(bvh.values.len(), poses * bvh.channel_count());
+    assert!(bvh.values.iter().all(|value| value.is_finite()) && bvh.time_step_s > 0.0);
+    for (index, joint) in bvh.joints.iter().enumerate() {
+        assert!(joint.parent.is_none_or(|parent| parent < index) && joint.offset.is_finite());
+    }
+}
 
 /// Reads `line` as it arrives in portions of `portion` bytes and then falls silent. Panics if a
 /// step takes nothing or what is not there, or if more is awaited than a packet can have.
