@@ -12,14 +12,20 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-fn play(arguments: &[&str]) -> (Output, Value) {
+/// What a command says of a virtual robot, and its report.
+fn told(command: &[&str], arguments: &[&str]) -> (Output, Value) {
     let output = gaitway()
-        .args(["play", "--bus", "sim", "--json", "--robot", "op3"])
+        .args(command)
+        .args(["--bus", "sim", "--json"])
         .args(arguments)
         .output()
         .expect("it runs");
     let report = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"));
     (output, report)
+}
+
+fn play(arguments: &[&str]) -> (Output, Value) {
+    told(&["play", "--robot", "op3"], arguments)
 }
 
 /// A script with one fault.
@@ -250,13 +256,7 @@ fn in_mujoco_too_a_robot_that_follows_captures_as_they_come_lifts_feet_and_stays
 
 /// `live` of an OP3 with weight that follows somebody who waves.
 fn live(arguments: &[&str]) -> (Output, Value) {
-    let output = gaitway()
-        .args(["live", "--from", "file:wave-r", "--bus", "sim", "--json"])
-        .args(arguments)
-        .output()
-        .expect("it runs");
-    let report = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"));
-    (output, report)
+    told(&["live", "--from", "file:wave-r"], arguments)
 }
 
 #[test]

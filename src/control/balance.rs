@@ -101,19 +101,20 @@ pub struct Balancer {
     figures: BalanceFigures,
 }
 
-/// A motion on a robot that keeps its balance meanwhile.
+/// A motion on a robot that may keep its balance meanwhile.
 pub struct Balanced<'a> {
     /// The motion.
     pub motion: &'a mut (dyn Motion + Send),
-    /// What is added to it.
-    pub balancer: &'a mut Balancer,
+    /// What is added to it; nothing on a robot that does not feel how it stands.
+    pub balancer: Option<&'a mut Balancer>,
 }
 
 impl Motion for Balanced<'_> {
     fn advance(&mut self, dt_s: f64, now: Instant, setpoints: &mut [Setpoint]) -> bool {
         let is_over = self.motion.advance(dt_s, now, setpoints);
-        self.balancer.answer(dt_s, is_over, setpoints);
-        is_over && self.balancer.is_at_rest()
+        let Some(balancer) = &mut self.balancer else { return is_over };
+        balancer.answer(dt_s, is_over, setpoints);
+        is_over && balancer.is_at_rest()
     }
 
     fn stop(&mut self) {
@@ -121,16 +122,17 @@ impl Motion for Balanced<'_> {
     }
 
     fn feels(&self) -> bool {
-        true
+        self.balancer.is_some()
     }
 
     fn feel(&mut self, felt: Option<&Inertial>) -> Option<StopReason> {
-        self.balancer.feel(felt);
-        self.balancer.verdict()
+        let balancer = self.balancer.as_mut()?;
+        balancer.feel(felt);
+        balancer.verdict()
     }
 
     fn longest_way_back_s(&self) -> f64 {
-        self.balancer.longest_way_back_s()
+        self.balancer.as_ref().map_or(0.0, |balancer| balancer.longest_way_back_s())
     }
 }
 

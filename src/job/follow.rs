@@ -103,16 +103,11 @@ impl Ready<'_> {
         let limits = limits.iter().map(|of| of.paced(pace)).collect::<Result<Vec<_>, _>>()?;
         let meter = Meter::of(limits.len());
         let mut mirror = Mirror::new(newest, &found.start_rad, limits);
-        let mut balanced = balancing
-            .as_mut()
-            .map(|of| Balanced { motion: &mut mirror, balancer: &mut of.balancer });
+        let balancer = balancing.as_mut().map(|of| &mut of.balancer);
         let performed = control::perform(
             &mut connection.link,
             found,
-            match &mut balanced {
-                Some(balanced) => balanced,
-                None => &mut mirror,
-            },
+            &mut Balanced { motion: &mut mirror, balancer },
             settings,
             &mut Both { recorder: recorder.metered(meter.clone()), moments },
             &|| observer.wants_to_stop(),

@@ -617,7 +617,6 @@ fn perform(
         duration_s = f64::INFINITY;
     }
     let mut balancer = balancer_of(connection, prepared, settings, options)?;
-    let mut balanced = balancer.as_mut().map(|balancer| Balanced { motion: &mut motion, balancer });
     // Once torque is on, nothing may keep the loop from its first cycle: the file comes before.
     let mut recorder = RunRecorder::begin(
         options.record.as_deref(),
@@ -633,10 +632,7 @@ fn perform(
     let performed = control::perform(
         &mut connection.link,
         found,
-        match &mut balanced {
-            Some(balanced) => balanced,
-            None => &mut motion,
-        },
+        &mut Balanced { motion: &mut motion, balancer: balancer.as_mut() },
         settings,
         &mut recorder.metered(meter.clone()),
         &|| observer.wants_to_stop(),

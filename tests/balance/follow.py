@@ -45,6 +45,9 @@ def main(gaitway, model, results, condition, *rest):
             rows = [row for row in pool.imap(run, orders)]
         file.writelines(json.dumps(row) + "\n" for row in rows)
     followed = [row for row in rows if "failed" not in row]
+    for row in rows:
+        if "failed" in row:
+            print(f"{row['motion']} was not followed: {row['failed']}", file=sys.stderr)
     stayed = sum(row["fell_s"] is None for row in followed)
     stopped = sum(row["outcome"] != "done" for row in followed)
     print(f"{len(followed)} of {len(rows)} followed, {stayed} stayed up, {stopped} were stopped")

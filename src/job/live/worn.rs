@@ -576,15 +576,10 @@ fn answer(
     let meter = Meter::of(connection.link.robot().joints.len());
     let duration_s = prepared.planned.trajectory.duration_s();
     let mut overheard = Overheard { planned, hear: &mut hear };
-    let mut balanced =
-        balancer.as_mut().map(|balancer| Balanced { motion: &mut overheard, balancer });
     let performed = control::perform(
         &mut connection.link,
         found,
-        match &mut balanced {
-            Some(balanced) => balanced,
-            None => &mut overheard,
-        },
+        &mut Balanced { motion: &mut overheard, balancer: balancer.as_mut() },
         *settings,
         &mut recorder.metered(meter.clone()),
         &|| job.observer.wants_to_stop(),
