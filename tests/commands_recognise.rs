@@ -437,7 +437,7 @@ fn what_a_robot_plays_is_named_from_what_its_servos_reported() {
     // What a robot on its own feet would fall in is named as well: the virtual one cannot.
     for (motion, action) in [("kick-r", "kick"), ("wave-r", "wave")] {
         let play = ["play", motion, "--robot", "op3", "--bus", "sim", "--record", &name];
-        let output = run(&[&play[..], &["--json", "--force"]].concat());
+        let output = run(&[&play[..], &["--allow-fall", "--json", "--force"]].concat());
         done(&output);
         let slowed = json(&output)["retime_factor"].as_f64().expect("a factor").to_string();
         let output = run(&["recognise", &name, "--slowed", &slowed, "--json"]);

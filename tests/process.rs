@@ -367,11 +367,18 @@ fn ports_that_are_none_are_refused_with_what_to_do() {
 #[test]
 fn a_robot_on_its_own_feet_is_not_sent_into_a_fall() {
     let _alone = alone();
-    let simulator = op3(&crate::program::folder("may_fall"));
+    let folder = crate::program::folder("may_fall");
+    let simulator = op3(&folder);
+    // A table is played as it is.
+    let table = folder.join("kick.csv").display().to_string();
+    let mut made = crate::program::gaitway();
+    made.args(["retarget", "kick-r", "--robot", "op3", "--allow-fall", "--force", "-o", &table]);
+    let made = made.output().expect("a run");
+    assert!(made.status.success(), "{}", program::words(&made));
     let played = |more: &[&str]| {
         let mut command = crate::program::gaitway();
         let bus = simulator.bus();
-        command.args(["play", "kick-r", "--robot", "op3", "--json", "--quiet", "--bus", &bus]);
+        command.args(["play", &table, "--robot", "op3", "--json", "--quiet", "--bus", &bus]);
         command.args(["--rate", "50"]).args(more).output().expect("a run")
     };
     let refused = played(&[]);

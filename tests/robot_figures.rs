@@ -399,7 +399,7 @@ fn a_capture_on_a_stand_is_as_slow_as_its_servos_need() {
 #[test]
 fn a_table_with_a_base_is_played_and_tells_the_same_of_itself() {
     let table = folder().join("kick.csv");
-    let first = retargeted("kick-r", &table, &[]);
+    let first = retargeted("kick-r", &table, &["--allow-fall"]);
     let again = folder().join("again.csv");
     let second = retargeted(table.to_str().expect("a path"), &again, &[]);
     for (figure, near) in

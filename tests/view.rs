@@ -59,6 +59,12 @@ fn marker_table(folder: &Path) -> String {
     file
 }
 
+/// A kick on OP3, in which it falls.
+fn retarget_kick(table: &str, page: &str) {
+    let kick = ["retarget", "kick-r", "--allow-fall", "--robot", "op3"];
+    run(&[&kick[..], &["-o", table, "--html", page]].concat());
+}
+
 /// One page of each command, and what it shows.
 fn pages(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
     let at = |name: &str| path(folder, name);
@@ -69,7 +75,7 @@ fn pages(folder: &Path) -> Vec<(PathBuf, &'static [&'static str])> {
     let sim = ["--robot", "op3", "--bus", "sim"];
     run(&[&["play", "walk:x1"], &sim[..], &["--record", &at("walk.mcap"), "--html", &play]]
         .concat());
-    run(&["retarget", "kick-r", "--robot", "op3", "-o", &at("kick.csv"), "--html", &kick]);
+    retarget_kick(&at("kick.csv"), &kick);
     run(&["retarget", "wave-r", "--robot", "so101", "-o", &at("arm.csv"), "--html", &arm]);
     run(&["synth", "kick-r", "-o", &synth]);
     run(&["recognise", "walk:4s,wave-r,bow", "--html", &seen]);
@@ -262,7 +268,7 @@ fn a_joint_is_chosen_from_the_list_or_by_a_click_on_the_robot() {
     let folder = program::folder("joint");
     let page = path(&folder, "kick.html");
     let table = path(&folder, "kick.csv");
-    run(&["retarget", "kick-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    retarget_kick(&table, &page);
     browser.look(1280, 900, false);
     browser.open(Path::new(&page), "#t=3.5");
     // The knee that kicks goes furthest: it is chosen at first.
@@ -313,7 +319,7 @@ fn links_stand_in_the_page_where_the_table_puts_them() {
     let Some(mut browser) = browser("links") else { return };
     let folder = program::folder("where");
     let (page, table) = (path(&folder, "kick.html"), path(&folder, "kick.csv"));
-    run(&["retarget", "kick-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    retarget_kick(&table, &page);
     browser.open(Path::new(&page), "");
     let body = RobotBody::of(&Robot::load("op3").unwrap().file).unwrap().unwrap();
     let text = std::fs::read_to_string(&table).unwrap();
@@ -549,7 +555,7 @@ fn a_page_fits_a_phone_and_is_dark_where_everything_is() {
     let Some(mut browser) = browser("phone") else { return };
     let folder = program::folder("small");
     let (page, table) = (path(&folder, "kick.html"), path(&folder, "kick.csv"));
-    run(&["retarget", "kick-r", "--robot", "op3", "-o", &table, "--html", &page]);
+    retarget_kick(&table, &page);
     let mut bright = Vec::new();
     for dark in [false, true] {
         browser.look(390, 844, dark);

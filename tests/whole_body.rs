@@ -44,10 +44,19 @@ fn folder() -> PathBuf {
 
 /// The table of a motion on OP3, and what is said of it; nothing if it is refused.
 fn retargeted(motion: &str, name: &str) -> Option<(PathBuf, Value)> {
+    retargeted_with(motion, name, &[])
+}
+
+/// The same of one that may fall rather than wait for its feet.
+fn as_it_falls(motion: &str, name: &str) -> Option<(PathBuf, Value)> {
+    retargeted_with(motion, name, &["--allow-fall"])
+}
+
+fn retargeted_with(motion: &str, name: &str, more: &[&str]) -> Option<(PathBuf, Value)> {
     let table = folder().join(format!("{name}.csv"));
     let mut command = program::gaitway();
     command.args(["retarget", motion, "--robot", "op3", "--rate", "100", "--json", "--force"]);
-    let output = command.arg("-o").arg(&table).output().expect("the command");
+    let output = command.args(more).arg("-o").arg(&table).output().expect("the command");
     let report = output.status.success();
     report.then(|| (table, serde_json::from_slice(&output.stdout).expect("JSON")))
 }
@@ -96,7 +105,7 @@ fn what_is_said_to_stay_stays_with_soft_servos_and_a_heavy_body_too() {
 
 #[test]
 fn what_is_said_to_fall_with_soft_servos_alone_falls_with_them_alone() {
-    let (table, report) = retargeted("throw-l", "throw-l").expect("a table");
+    let (table, report) = as_it_falls("throw-l", "throw-l").expect("a table");
     assert_eq!(report["metrics"]["predicted_fall_s"], Value::Null);
     assert!(report["metrics"]["soft_fall_s"].is_number(), "{}", report["metrics"]);
     let Some(all) = judged(&[table], &[AS_IT_IS, SOFT]) else { return };
@@ -105,10 +114,40 @@ fn what_is_said_to_fall_with_soft_servos_alone_falls_with_them_alone() {
 
 #[test]
 fn what_is_said_to_fall_falls() {
-    let (table, report) = retargeted("jump", "jump").expect("a table");
+    let (table, report) = as_it_falls("jump", "jump").expect("a table");
     assert!(report["metrics"]["predicted_fall_s"].is_number(), "{}", report["metrics"]);
     let Some(all) = judged(&[table], &[AS_IT_IS]) else { return };
     assert!(all[0][0].is_some(), "{all:?}");
+}
+
+/// Both feet keep down in the one, and in the other they are lifted one by one.
+#[test]
+fn what_would_fall_stays_up_if_its_person_waits_for_the_robots_feet() {
+    let Some(captures) = captured::captured("mocap/bvh") else { return };
+    let dance = captured::bvh_files(&captures)
+        .into_iter()
+        .find(|path| path.ends_with("jesse_dance.bvh"))
+        .expect("a dance");
+    let dance = dance.to_str().expect("a path");
+    let (mut tables, mut falling) = (Vec::new(), Vec::new());
+    for (at, (motion, said)) in
+        [("jump", "both feet stay"), ("knee-kick-r", "feet lifted: 1"), (dance, "both feet stay")]
+            .into_iter()
+            .enumerate()
+    {
+        let (table, report) = retargeted(motion, &format!("waits-{at}")).expect("a table");
+        let metrics = &report["metrics"];
+        assert_eq!(metrics["predicted_fall_s"], Value::Null, "{motion}");
+        assert_eq!(metrics["soft_fall_s"], Value::Null, "{motion}");
+        let notes = report["notes"].to_string();
+        assert!(notes.contains(said), "{motion}: {notes}");
+        tables.push(table);
+        falling.push(as_it_falls(motion, &format!("falls-{at}")).expect("a table").0);
+    }
+    let Some(all) = judged(&tables, &[AS_IT_IS, SOFT, HEAVY]) else { return };
+    assert_eq!(all, [[None; 3]; 3]);
+    let fell = judged(&falling, &[AS_IT_IS]).expect("judged before");
+    assert!(fell.iter().all(|fell| fell[0].is_some()), "{fell:?}");
 }
 
 /// Falls of a virtual robot with weight, whose own servos move it, beside those of MuJoCo's, on another's servos.
@@ -120,7 +159,7 @@ fn a_virtual_robot_with_weight_falls_and_stays_as_in_mujoco() {
         if is_long { all.collect() } else { vec!["walk", "bow", "kick-r", "jump"] };
     let (mut tables, mut fell) = (Vec::new(), Vec::new());
     for motion in motions {
-        let Some((table, _)) = retargeted(motion, &format!("weight-{motion}")) else { continue };
+        let Some((table, _)) = as_it_falls(motion, &format!("weight-{motion}")) else { continue };
         let played = program::gaitway()
             .args(["play", motion, "--robot", "op3", "--bus", "sim", "--json"])
             .args(["--physics", "--allow-fall"])

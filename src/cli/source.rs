@@ -59,8 +59,8 @@ pub struct MotionArgs {
     /// The robot hangs on a stand: its base stays where it is, and it cannot fall
     #[arg(long)]
     hang: bool,
-    /// Nothing against a motion in which a robot on its own feet is predicted to fall: a real one is not
-    /// sent there otherwise, and of a virtual one, or of a file, it is said
+    /// A robot on its own feet may fall: what it cannot do upright stays as near to the person as it can,
+    /// and does not wait for the robot's feet. Without this a real robot is not sent into a fall
     #[arg(long, conflicts_with = "hang")]
     allow_fall: bool,
 }
@@ -94,6 +94,7 @@ impl MotionArgs {
             mirror: self.mirror,
             hangs: self.hang,
             balanced_at: None,
+            may_fall: self.allow_fall,
         }
     }
 

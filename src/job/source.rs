@@ -33,7 +33,7 @@ use crate::retarget::{Footfall, footfall};
 use crate::robot::{Joint, Robot, RobotBody};
 use gaitway_profiles::{self as profiles, BaseKind};
 use serde::Serialize;
-use standing::balanced;
+use standing::{Asked, balanced};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -115,6 +115,8 @@ pub struct MotionOrder {
     pub hangs: bool,
     /// How fast it will be played, if it may be moved and slowed for a robot's balance.
     pub balanced_at: Option<f64>,
+    /// A fall is accepted: rather that than a motion whose person waits for the robot's feet.
+    pub may_fall: bool,
 }
 
 impl MotionOrder {
@@ -231,7 +233,8 @@ pub(super) fn of_person(
         let stands = !order.hangs && order.only.is_empty();
         let mut found = None;
         if let Some(speed) = order.balanced_at.filter(|_| stands && body.base == BaseKind::Free) {
-            found = balanced(robot, &placed, &capture, &footfalls, speed, &mut retargeted)?;
+            let asked = Asked { speed, may_fall: order.may_fall };
+            found = balanced(robot, &placed, &capture, &footfalls, asked, &mut retargeted)?;
         }
         if let Some(standing) = found {
             retargeted.notes.push(standing.note);

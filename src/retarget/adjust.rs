@@ -29,10 +29,12 @@ use std::ops::Range;
 
 mod online;
 mod sag;
+mod waiting;
 mod weight;
 
 pub use online::{Adjuster, Lifts};
-pub use weight::{Pace, is_steady, stays, steady, survives};
+pub use waiting::{FeetMay, Waited, waited};
+pub use weight::{Pace, Survival, is_steady, stays, steady, survives};
 
 /// How far apart links are kept, m.
 const ROOM_M: f64 = 0.004;

@@ -199,6 +199,18 @@ pub fn of_contacts(said: &[([bool; 2], DQuat)], rate_hz: f64) -> Vec<Footfall> {
     found
 }
 
+/// The same of feet whose soles lie flat where they stand, and of what is up for the base.
+#[must_use]
+pub fn of_soles(said: &[([bool; 2], DVec3)], rate_hz: f64) -> Vec<Footfall> {
+    let instant = |(touches, up): &([bool; 2], DVec3)| {
+        let carries = touches.map(|touches| f64::from(u8::from(touches)));
+        Footfall { carries, flat: carries, up: *up, touches: Some(*touches) }
+    };
+    let mut found: Vec<Footfall> = said.iter().map(instant).collect();
+    smooth(&mut found, rate_hz);
+    found
+}
+
 /// Lets the weight come and go as a person shifts it.
 fn smooth(found: &mut [Footfall], rate_hz: f64) {
     let pair = |two: [f64; 2]| DVec3::new(two[0], two[1], 0.0);

@@ -9,10 +9,11 @@ use crate::mocap::anatomy::Capture;
 use crate::mocap::retarget::Retargeted;
 use crate::motion::retime::{factors, retime};
 use crate::motion::tempo;
-use crate::motion::{End, Path, Spline};
+use crate::motion::{End, JointLimits, Path, Spline};
 use crate::retarget::Footfall;
 use crate::retarget::adjust::{
-    Adjustable, Adjusting, Pace, adjust, drawn_in, is_steady, pace, stays, steady, survives,
+    Adjustable, Adjusting, FeetMay, Lifts, Pace, Survival, Waited, adjust, drawn_in, is_steady,
+    pace, stays, steady, survives, waited,
 };
 use crate::retarget::effort;
 use crate::retarget::footfall;
@@ -45,6 +46,17 @@ const SPARE: f64 = 1.02;
 const CALMER: f64 = 1.25;
 const CALMINGS: usize = 2;
 
+/// A robot that waits for its feet is in itself if it is so for more than this part of the time.
+const TOUCHES: f64 = 0.02;
+
+/// How it is to be done.
+pub(super) struct Asked {
+    /// How fast it will be played.
+    pub speed: f64,
+    /// Rather a fall than a person who waits for the robot's feet.
+    pub may_fall: bool,
+}
+
 /// A motion that keeps its balance.
 pub(super) struct Standing {
     /// What its feet do, pose by pose.
@@ -65,7 +77,7 @@ pub(super) fn balanced(
     placed: &Placed<'_>,
     capture: &Capture,
     footfalls: &[Footfall],
-    speed: f64,
+    Asked { speed, may_fall }: Asked,
     retargeted: &mut Retargeted,
 ) -> Result<Option<Standing>, Error> {
     let rate_hz = retargeted.rate_hz;
@@ -79,34 +91,73 @@ pub(super) fn balanced(
     let of = on.adjusting(slower);
     if placed.exact
         && is_steady(&of, &retargeted.positions_rad)?
-        && survives(&of, &retargeted.positions_rad)?
+        && survives(&of, &retargeted.positions_rad)?.in_any_case()
     {
         return Ok(None);
     }
-    if let Some(standing) = on.shifted(slower, retargeted)? {
-        return Ok(Some(standing));
-    }
-    let pelvis: Vec<DQuat> =
-        capture.poses.iter().map(|pose| pose.orientation[Segment::Pelvis.index()]).collect();
-    let leg_m = lengths.root_height_m();
+    let given = &retargeted.positions_rad;
     let carries: Vec<[bool; 2]> =
         footfalls.iter().map(|of| of.touches.unwrap_or([true; 2])).collect();
-    match steps::of_person(&toes, &carries, &pelvis, leg_m, rate_hz) {
-        Some(steps) => {
-            let flies_s = longest_flight(&carries) as f64 / rate_hz;
-            let found = on.walked(&steps, leg_m, retargeted)?;
-            Ok(found.map(|standing| standing.without_flights(flies_s)))
+    let flies_s = longest_flight(&carries) as f64 / rate_hz;
+    let shifted = on.shifted(slower, given)?;
+    let mut found = None;
+    if let Some(moved) = shifted {
+        if on.survival(&moved)?.as_they_are {
+            return Ok(Some(moved.onto(retargeted)));
         }
-        None => Ok(None),
+        found = Some(moved);
+    } else {
+        let pelvis: Vec<DQuat> =
+            capture.poses.iter().map(|pose| pose.orientation[Segment::Pelvis.index()]).collect();
+        let leg_m = lengths.root_height_m();
+        if let Some(steps) = steps::of_person(&toes, &carries, &pelvis, leg_m, rate_hz)
+            && let Some(moved) = on.walked(&steps, leg_m, given)?
+        {
+            let moved = moved.without_flights(flies_s);
+            if on.survival(&moved)?.as_they_are {
+                return Ok(Some(moved.onto(retargeted)));
+            }
+            found = Some(moved);
+        }
     }
+    if may_fall {
+        return Ok(found.map(|moved| moved.onto(retargeted)));
+    }
+    // One that is not in itself first, and then one that soft servos bear, too.
+    let mut best: Option<([bool; 2], Moved)> = None;
+    for feet_may in [FeetMay::Step, FeetMay::Stay] {
+        let Some((moved, is_apart)) = on.waited(given, feet_may)? else { break };
+        let survival = on.survival(&moved)?;
+        let good = [is_apart, survival.softly];
+        if survival.as_they_are && best.as_ref().is_none_or(|(before, _)| good > *before) {
+            best = Some((good, moved.without_flights(flies_s)));
+        }
+        if survival.as_they_are && good == [true; 2] {
+            break;
+        }
+    }
+    let holding = best.map(|(_, moved)| moved);
+    Ok(holding.or(found).map(|moved| moved.onto(retargeted)))
 }
 
-impl Standing {
+/// A motion that was moved.
+struct Moved {
+    /// `[joint][pose]`, rad.
+    angles_rad: Vec<Vec<f64>>,
+    standing: Standing,
+}
+
+impl Moved {
+    fn onto(self, retargeted: &mut Retargeted) -> Standing {
+        retargeted.positions_rad = self.angles_rad;
+        self.standing
+    }
+
     /// Says so, if the person was off the floor for so long.
     fn without_flights(mut self, flies_s: f64) -> Self {
         if flies_s > FLIES_S {
             let _ = write!(
-                self.note,
+                self.standing.note,
                 "; it does not leave the floor, as the person does for {flies_s:.2} s"
             );
         }
@@ -147,15 +198,11 @@ impl<'a> OnItsFeet<'a> {
     }
 
     /// Weight is led over the feet that stand, slowly enough.
-    fn shifted(
-        &self,
-        mut slower: f64,
-        retargeted: &mut Retargeted,
-    ) -> Result<Option<Standing>, Error> {
+    fn shifted(&self, mut slower: f64, given: &[Vec<f64>]) -> Result<Option<Moved>, Error> {
         let rate_hz = self.rate_hz;
         let mut found = None;
         for _ in 0..ROUNDS {
-            let mut angles_rad = retargeted.positions_rad.clone();
+            let mut angles_rad = given.to_vec();
             let mut times: Vec<f64> = Vec::new();
             let mut here = self.said.to_vec();
             let of = self.adjusting(slower);
@@ -195,7 +242,7 @@ impl<'a> OnItsFeet<'a> {
         let moved = furthest.map_or_else(String::new, |(moved_rad, joint)| {
             format!("{} by up to {:.0} deg", joint.name, moved_rad.to_degrees())
         });
-        let longer = clock.len() as f64 / retargeted.positions_rad[0].len().max(1) as f64;
+        let longer = clock.len() as f64 / given[0].len().max(1) as f64;
         let note = format!(
             "moved so that the robot stands and keeps its balance: {moved}{}",
             if clock.is_empty() {
@@ -204,8 +251,54 @@ impl<'a> OnItsFeet<'a> {
                 format!("; slower in parts, {longer:.2} times as long")
             }
         );
-        retargeted.positions_rad = angles_rad;
-        Ok(Some(Standing { footfalls, clock, note }))
+        Ok(Some(Moved { angles_rad, standing: Standing { footfalls, clock, note } }))
+    }
+
+    /// Whether it stays on its feet.
+    fn survival(&self, moved: &Moved) -> Result<Survival, Error> {
+        let Moved { angles_rad, standing } = moved;
+        let slower = self.tempo(angles_rad)?;
+        let of = Adjusting { footfalls: Some(&standing.footfalls), ..self.adjusting(slower) };
+        match stays(&of, angles_rad)? {
+            true => survives(&of, angles_rad),
+            false => Ok(Survival { as_they_are: false, softly: false }),
+        }
+    }
+
+    /// Weight is led over one foot before the other leaves the floor, and the person waits for that.
+    /// And whether links keep out of one another, but for moments.
+    fn waited(
+        &self,
+        given: &[Vec<f64>],
+        feet_may: FeetMay,
+    ) -> Result<Option<(Moved, bool)>, Error> {
+        let (placed, rate_hz) = (self.placed, self.rate_hz);
+        let limits = self.robot.limits();
+        let velocity_rad_s: Vec<f64> = limits.iter().map(JointLimits::velocity_rad_s).collect();
+        let of = placed.adjusting(rate_hz, None).robot;
+        let rates = [rate_hz, self.speed];
+        let Some(waited) = waited(of, &velocity_rad_s, given, self.said, rates, feet_may)? else {
+            return Ok(None);
+        };
+        let Waited { mut angles_rad, footfalls, clock, lifts, touching_share } = waited;
+        drawn_in(&placed.limits_rad, &mut angles_rad)?;
+        let (angles_rad, footfalls, clock) = self.hastened((angles_rad, footfalls, clock))?;
+        let Lifts { lifted, kept_down } = lifts;
+        let longer = clock.len() as f64 / given[0].len().max(1) as f64;
+        let mut note = "moved so that the robot stands and keeps its balance: ".to_owned();
+        note += match lifted {
+            0 => "both feet stay on the floor",
+            _ => "a foot goes straight up once the weight is over the other one, and straight down",
+        };
+        if lifted + kept_down > 0 {
+            let _ = write!(
+                note,
+                "; feet lifted: {lifted}, kept down since no weight came over the other one: {kept_down}"
+            );
+        }
+        let _ = write!(note, "; {longer:.2} times as long");
+        let moved = Moved { angles_rad, standing: Standing { footfalls, clock, note } };
+        Ok(Some((moved, touching_share < TOUCHES)))
     }
 
     /// Slows a motion in parts for its joints' limits, and not all of it, if it stays well on its feet then.
@@ -217,7 +310,7 @@ impl<'a> OnItsFeet<'a> {
             drawn_in(&self.placed.limits_rad, &mut slowed)?;
             let here = footfall::at_times(&footfalls, &times, self.rate_hz);
             let of = Adjusting { footfalls: Some(&here), ..self.adjusting(self.tempo(&slowed)?) };
-            if steady(&of, &slowed)? == Pace::Even && survives(&of, &slowed)? {
+            if steady(&of, &slowed)? == Pace::Even && survives(&of, &slowed)?.in_any_case() {
                 let clock = if clock.is_empty() { times } else { through(&clock, &times) };
                 return Ok((slowed, here, clock));
             }
@@ -226,17 +319,12 @@ impl<'a> OnItsFeet<'a> {
     }
 
     /// How high the base is best: legs that are nearly straight have to hasten.
-    fn height(
-        &self,
-        steps: &[Step],
-        scale: f64,
-        retargeted: &Retargeted,
-    ) -> Result<Option<f64>, Error> {
+    fn height(&self, steps: &[Step], scale: f64, given: &[Vec<f64>]) -> Result<Option<f64>, Error> {
         let few = &steps[..steps.len().min(TRIED)];
         let until_s = few.last().map_or(0.0, |step| step.planted_s);
-        let count = (until_s * retargeted.rate_hz) as usize + 2;
+        let count = (until_s * self.rate_hz) as usize + 2;
         let begins = |series: &Vec<f64>| series[..series.len().min(count)].to_vec();
-        let angles_rad: Vec<Vec<f64>> = retargeted.positions_rad.iter().map(begins).collect();
+        let angles_rad: Vec<Vec<f64>> = given.iter().map(begins).collect();
         let mut tried: Vec<(f64, f64)> = Vec::new();
         for height in HEIGHTS {
             if let Some(made) = self.gait(few, [scale, 1.0, height], &angles_rad)? {
@@ -291,17 +379,17 @@ impl<'a> OnItsFeet<'a> {
         &self,
         steps: &[Step],
         leg_m: f64,
-        retargeted: &mut Retargeted,
-    ) -> Result<Option<Standing>, Error> {
+        given: &[Vec<f64>],
+    ) -> Result<Option<Moved>, Error> {
         let rate_hz = self.rate_hz;
         let limbs = RobotLimbs::of(&robot_model(self.robot)?, self.placed.body);
         let Some(own_m) = limbs.leg_m() else { return Ok(None) };
         let scale = own_m / leg_m;
-        let Some(height) = self.height(steps, scale, retargeted)? else { return Ok(None) };
+        let Some(height) = self.height(steps, scale, given)? else { return Ok(None) };
         let (mut slower, mut calmings) = (1.0, 0);
-        let mut found: Option<(Vec<Vec<f64>>, Standing)> = None;
+        let mut found: Option<Moved> = None;
         for _ in 0..ROUNDS + CALMINGS {
-            let made = self.gait(steps, [scale, slower, height], &retargeted.positions_rad)?;
+            let made = self.gait(steps, [scale, slower, height], given)?;
             let Some(made) = made else { break };
             let needed = self.tempo(&made.angles_rad)? * self.speed;
             if needed > 1.0 {
@@ -321,23 +409,21 @@ impl<'a> OnItsFeet<'a> {
                 made.longest_m * 100.0,
                 made.step_s
             );
-            let holds = survives(&of, &made.angles_rad)?;
+            let holds = survives(&of, &made.angles_rad)?.in_any_case();
             let standing = Standing { footfalls, clock: made.clock, note };
+            let moved = Moved { angles_rad: made.angles_rad, standing };
             if holds {
-                found = Some((made.angles_rad, standing));
+                found = Some(moved);
                 break;
             }
             // If none holds, the first: at that pace nobody falls whose servos are stiff.
-            found = found.or(Some((made.angles_rad, standing)));
+            found = found.or(Some(moved));
             if calmings == CALMINGS {
                 break;
             }
             (calmings, slower) = (calmings + 1, slower * CALMER);
         }
-        Ok(found.map(|(angles_rad, standing)| {
-            retargeted.positions_rad = angles_rad;
-            standing
-        }))
+        Ok(found)
     }
 }
 

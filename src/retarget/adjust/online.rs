@@ -114,6 +114,7 @@ pub struct Adjuster<'a> {
     /// Most that joints turn, rad/s.
     velocity_rad_s: &'a [f64],
     stands: bool,
+    may_lift: bool,
     feet: Option<Feet>,
     /// The pose before, as it came and as it went.
     before: Option<[Vec<f64>; 2]>,
@@ -158,6 +159,7 @@ impl<'a> Adjuster<'a> {
             rest,
             velocity_rad_s,
             stands,
+            may_lift: true,
             feet: None,
             before,
             is_late: false,
@@ -166,6 +168,12 @@ impl<'a> Adjuster<'a> {
             up,
             beyond_rad: vec![0.0; here_rad.len()],
         }
+    }
+
+    /// One that keeps both feet on the floor.
+    pub(super) const fn kept_down(mut self) -> Self {
+        self.may_lift = false;
+        self
     }
 
     /// How often feet were lifted so far; none of a robot that need not stand.
@@ -178,6 +186,23 @@ impl<'a> Adjuster<'a> {
     #[must_use]
     pub fn is_stepping(&self) -> bool {
         self.feet.as_ref().is_some_and(|feet| feet.step != Step::Stands)
+    }
+
+    /// True while weight goes over to one foot, and while the other one leaves the floor or comes down.
+    pub(super) fn hands_over(&self) -> bool {
+        let step = self.feet.as_ref().map(|feet| feet.step);
+        !matches!(step, None | Some(Step::Stands | Step::Swings { .. }))
+    }
+
+    /// Which feet stand, and where up is for them: `up` if it is not known yet.
+    pub(super) fn feet(&self, up: DVec3) -> ([bool; 2], DVec3) {
+        let stands = match self.feet.as_ref().map(|feet| feet.step) {
+            Some(Step::Lifts { on, .. } | Step::Swings { on, .. } | Step::Lands { on, .. }) => {
+                [on == 0, on == 1]
+            }
+            _ => [true; 2],
+        };
+        (stands, self.up.map_or(up, |(up, _)| up))
     }
 
     /// True while joints are on their way to the first pose.
@@ -195,6 +220,19 @@ impl<'a> Adjuster<'a> {
     /// The pose `dt_s` after the one before, rad, in place of `pose`; `up` is up in the axes of the robot's base. Who is
     /// `approaching` goes slowly until all joints are there.
     pub fn next(&mut self, pose: &[f64], up: DVec3, dt_s: f64, approaching: bool) -> Vec<f64> {
+        let mut here = self.place(pose, up, dt_s, approaching);
+        self.go_beyond(&mut here, dt_s.clamp(0.0, LONGEST_S));
+        here
+    }
+
+    /// The same pose, where joints are to be and not where their goals have to be for it.
+    pub(super) fn place(
+        &mut self,
+        pose: &[f64],
+        up: DVec3,
+        dt_s: f64,
+        approaching: bool,
+    ) -> Vec<f64> {
         // Who was silent for longer is taken up from where he was.
         let dt_s = dt_s.clamp(0.0, LONGEST_S);
         self.is_arriving |= approaching && self.stands;
@@ -215,7 +253,6 @@ impl<'a> Adjuster<'a> {
             *angle = angle.clamp(*lower_rad, *upper_rad);
         }
         self.before = Some([came, here.clone()]);
-        self.go_beyond(&mut here, dt_s);
         here
     }
 
@@ -282,27 +319,37 @@ impl<'a> Adjuster<'a> {
         let went = self.before.as_ref().map(|[_, went]| solver.place(went));
         let feet = self.feet.get_or_insert_with(|| Feet::standing(&on_floor));
         let is_now = went.as_ref().map(|went| Floor::of(solver, soles, went, up));
-        feet.step(&on_floor, is_now.as_ref().unwrap_or(&on_floor), dt_s, !self.is_arriving);
+        feet.step(
+            &on_floor,
+            is_now.as_ref().unwrap_or(&on_floor),
+            dt_s,
+            self.may_lift && !self.is_arriving,
+        );
         Some(feet.stance(up))
     }
 }
 
 /// A robot over the plane its soles stand on.
-struct Floor {
+pub(super) struct Floor {
     /// How high the lowest corner of each sole is over the lower sole's, m.
-    height_m: [f64; 2],
+    pub(super) height_m: [f64; 2],
     /// Corners of the right sole in the left one's frame, m.
     across_m: Vec<DVec3>,
     /// The centre of mass as either sole sees it, level, m: over its middle, and how high.
-    centre_m: [DVec3; 2],
+    pub(super) centre_m: [DVec3; 2],
     /// Corners of both soles as either sees them, m.
-    soles_m: [[Vec<DVec2>; 2]; 2],
+    pub(super) soles_m: [[Vec<DVec2>; 2]; 2],
     /// What a sole reaches from its middle, m.
     half_m: DVec2,
 }
 
 impl Floor {
-    fn of(solver: &Solver<'_>, soles: [&StandingSole; 2], placed: &[Placement], up: DVec3) -> Self {
+    pub(super) fn of(
+        solver: &Solver<'_>,
+        soles: [&StandingSole; 2],
+        placed: &[Placement],
+        up: DVec3,
+    ) -> Self {
         let frames = soles.map(Solver::frame);
         let corners = soles.map(|sole| {
             let corner = |corner: &DVec3| placed[sole.link].point(*corner);

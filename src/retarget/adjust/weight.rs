@@ -367,26 +367,43 @@ pub fn stays(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error>
     Ok(at_own_pace(of, angles_rad)?.is_none_or(|balance| balance.falls_at.is_none()))
 }
 
-/// Whether nobody falls in these poses at their own pace, with servos that give way as much as they do and with soft ones; of
-/// a robot whose file does not say how they do it, true.
+/// Who stays up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Survival {
+    /// With servos that give way as much as the robot's do.
+    pub as_they_are: bool,
+    /// With soft ones.
+    pub softly: bool,
+}
+
+impl Survival {
+    /// With either.
+    #[must_use]
+    pub const fn in_any_case(self) -> bool {
+        self.as_they_are && self.softly
+    }
+}
+
+/// Whether nobody falls in these poses at their own pace; nobody does of whom the file does not say how servos give way.
 ///
 /// # Errors
 /// Of a spline.
-pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<bool, Error> {
+pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Survival, Error> {
     let count = angles_rad.first().map_or(0, Vec::len);
+    let unknown = Survival { as_they_are: true, softly: true };
     let (Some(footfalls), Some(slower), Some(drive)) =
         (of.footfalls, of.slower, of.robot.body.drive)
     else {
-        return Ok(true);
+        return Ok(unknown);
     };
     if count < 3 {
-        return Ok(true);
+        return Ok(unknown);
     }
     let look = Look::of(of, footfalls, slower, angles_rad)?;
     let Looked { poses, path, .. } = look.looked((0..count).map(|at| at as f64).collect());
     let (body, soles) = (of.robot.body, look.soles.as_slice());
     let on = OnFloor { body, soles, drive, friction: 1.0, poses: &poses, path: &path };
-    Ok(on.softly().lost_at().is_none() && on.lost_at().is_none())
+    Ok(Survival { as_they_are: on.lost_at().is_none(), softly: on.softly().lost_at().is_none() })
 }
 
 /// How a motion does on the floor as it is; nothing of one that does not stand, or of less than three poses.
