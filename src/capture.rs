@@ -10,10 +10,11 @@ mod chain;
 mod clock_fit;
 mod orientation;
 mod pace;
+mod rhythm;
 mod stuck;
 mod timeline;
 
-pub use chain::{Captured, Chain};
+pub use chain::{Captured, Chain, is_another};
 pub use clock_fit::{ClockFit, Quality};
 pub use orientation::{Fused, Mode, Orientation};
 pub use stuck::Stuck;

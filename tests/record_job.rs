@@ -55,6 +55,35 @@ fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
     assert!(info.contains(&format!("{lacking} with a value beyond the sensor's range")), "{info}");
 }
 
+/// A sketch that prints every 20 ms, while its profile says 10.
+#[test]
+fn a_board_that_prints_half_as_often_as_its_profile_says_has_lost_nothing_and_that_is_said_once() {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("its address");
+    std::thread::spawn(move || {
+        let (mut line, _) = listener.accept().expect("the recording");
+        for n in 0.. {
+            let text = format!("{},0,0,9.8,0,0,{:.3}\n", n * 20_000, f64::from(n % 7) * 0.01);
+            if line.write_all(text.as_bytes()).is_err() {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+    });
+    let file = program::folder("half-as-often").join("take.mcap");
+    let output = program::gaitway()
+        .args(["record", &format!("torso=imu:arduino-csv@tcp:{address}"), "--for", "3s", "-o"])
+        .arg(&file)
+        .output()
+        .expect("the command");
+    let told = program::words(&output);
+    assert_eq!(output.status.code(), Some(0), "{told}");
+    let sends = "sends 50.0 Hz where its profile says 100";
+    assert!(told.contains(&format!("torso {sends}")), "{told}");
+    // Once when it is found, and once in the report.
+    assert_eq!((told.matches(sends).count(), told.matches("missing").count()), (2, 0), "{told}");
+}
+
 #[test]
 fn a_mark_that_was_set_before_the_recording_began_is_one_of_its_beginning() {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");

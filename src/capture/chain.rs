@@ -47,6 +47,16 @@ pub struct Chain {
     unfused_s: f64,
     stuck: Stuck,
     stuck_samples: u64,
+    profile_rate_hz: f64,
+}
+
+/// Part by which a rate may be off another and be called the same.
+const SAME_RATE: f64 = 0.05;
+
+/// True if a rate is another one than this.
+#[must_use]
+pub fn is_another(rate_hz: f64, known_hz: f64) -> bool {
+    !((rate_hz / known_hz - 1.0).abs() <= SAME_RATE)
 }
 
 impl Chain {
@@ -67,6 +77,7 @@ impl Chain {
             unfused_s: 0.0,
             stuck: Stuck::default(),
             stuck_samples: 0,
+            profile_rate_hz: sensor.rate_hz,
         }
     }
 
@@ -108,6 +119,18 @@ impl Chain {
     #[must_use]
     pub const fn timeline(&self) -> &Timeline {
         &self.timeline
+    }
+
+    /// Samples per second by the device's own clock, as far as that is known.
+    #[must_use]
+    pub fn rate_hz(&self) -> Option<f64> {
+        self.timeline.rate_hz()
+    }
+
+    /// Samples per second by its profile.
+    #[must_use]
+    pub const fn profile_rate_hz(&self) -> f64 {
+        self.profile_rate_hz
     }
 
     /// Samples in which nothing was measured any more.

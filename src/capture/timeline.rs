@@ -2,7 +2,8 @@
 //!
 //! A sensor tells with a packet counter, with a clock, with both, or with nothing. A counter that
 //! goes round is unwrapped; what does not fit is told as a gap, a repetition, a sample out of order
-//! or a reset, and counted, never filled in.
+//! or a reset, and counted, never filled in. Where a clock is all there is, what is missing is counted by the device's own
+//! rhythm.
 //!
 //! A jump of what the device tells that its arrival does not share is doubted: such a sample is told and not used, and the next
 //! one says what it was. If it goes on from before, one time was misread; if it goes on from the jump, samples were lost (up
@@ -10,6 +11,7 @@
 
 use super::clock_fit::{ClockFit, Quality};
 use super::pace::Pace;
+use super::rhythm::{Missing, Rhythm, Stride};
 use crate::time::{Duration, Instant};
 use serde::Serialize;
 
@@ -57,7 +59,7 @@ pub struct Stamp {
     /// Time since the sample before, s; zero for the first, after a reset, and for a duplicate or
     /// late one.
     pub step_s: f64,
-    /// Samples missing just before this one.
+    /// Samples missing just before this one, or before those of which it was not known yet.
     pub missed: u64,
     /// Samples probably missing just before this one, of a sensor that tells neither number nor time.
     pub estimated: u64,
@@ -139,8 +141,8 @@ pub struct Timeline {
 /// Where times come from.
 #[derive(Clone, Debug)]
 enum Layout {
-    /// The device's clock.
-    Clock(ClockFit),
+    /// The device's clock, and how often it samples by it.
+    Clock(ClockFit, Rhythm),
     /// The number of samples.
     Pace(Pace),
 }
@@ -177,7 +179,9 @@ impl Timeline {
     #[must_use]
     pub fn new(telling: Telling) -> Self {
         let layout = match telling.clock {
-            Some(_) => Layout::Clock(ClockFit::default()),
+            Some((_, tick_s)) => {
+                Layout::Clock(ClockFit::default(), Rhythm::new(telling.period_s, tick_s))
+            }
             None => Layout::Pace(Pace::new(telling.period_s)),
         };
         let silent = telling.counter_bits.is_none() && telling.clock.is_none();
@@ -187,25 +191,39 @@ impl Timeline {
 
     /// What was seen so far.
     #[must_use]
-    pub const fn counts(&self) -> Counts {
-        self.counts
+    pub fn counts(&self) -> Counts {
+        let pending = match &self.layout {
+            Layout::Clock(_, rhythm) if self.telling.counter_bits.is_none() => rhythm.pending(),
+            _ => Missing::default(),
+        };
+        let missed = self.counts.missed + pending.samples;
+        Counts { missed, gaps: self.counts.gaps + pending.gaps, ..self.counts }
     }
 
     /// How well the device's clock is known. Without one there is nothing to know.
     #[must_use]
     pub fn quality(&self) -> Quality {
         match &self.layout {
-            Layout::Clock(fit) => fit.quality(),
+            Layout::Clock(fit, _) => fit.quality(),
             Layout::Pace(_) => Quality::default(),
         }
     }
 
-    /// Time from sample to sample, s: what its profile says or, of a sensor without a clock, what was found.
+    /// Time from sample to sample, s: what its profile says until another is found.
     #[must_use]
     pub const fn period_s(&self) -> f64 {
         match &self.layout {
-            Layout::Clock(_) => self.telling.period_s,
+            Layout::Clock(_, rhythm) => rhythm.period_s(),
             Layout::Pace(pace) => pace.period_s(),
+        }
+    }
+
+    /// Samples per second as the device's own clock tells, once its samples have agreed on that. Without a clock nobody knows.
+    #[must_use]
+    pub fn rate_hz(&self) -> Option<f64> {
+        match &self.layout {
+            Layout::Clock(_, rhythm) => rhythm.rate_hz(),
+            Layout::Pace(_) => None,
         }
     }
 
@@ -218,7 +236,7 @@ impl Timeline {
         };
         self.counts.samples += 1;
         let Some(last) = self.last else {
-            return self.accept(raw, self.ticks_s(ticks), 0, 0, Order::Next);
+            return self.accept(raw, self.ticks_s(ticks), 0, Missing::default(), Order::Next);
         };
         let step = self.step(&raw, &last);
         if self.fits(step, &raw, &last) {
@@ -290,7 +308,7 @@ impl Timeline {
     /// True if it would have arrived before it was taken: what was late before may catch up.
     fn is_early(&self, step: Step, raw: &Raw, last: &Last) -> bool {
         let early_s = match &self.layout {
-            Layout::Clock(fit) => fit.early_s(last.device_s + step.device_s, raw.arrival),
+            Layout::Clock(fit, _) => fit.early_s(last.device_s + step.device_s, raw.arrival),
             Layout::Pace(pace) => pace.early_s(step.samples as f64, raw.arrival),
         };
         early_s > self.tolerance_s()
@@ -313,9 +331,9 @@ impl Timeline {
                 let behind = self.behind.min(between - came);
                 self.counts.misread += behind;
                 self.counts.late -= behind;
-                let missed = between - came - behind;
-                let order = if missed == 0 { Order::Next } else { Order::Gap };
-                let number = last.number + step.samples as u64 - behind;
+                let missed = self.missing(&raw, step, last, came + behind, between);
+                let order = if missed.samples == 0 { Order::Next } else { Order::Gap };
+                let number = last.number + 1 + came + missed.samples;
                 self.accept(raw, device_s, number, missed, order)
             }
             ..0 => {
@@ -323,6 +341,25 @@ impl Timeline {
                 self.refuse(Order::Late, last, raw.arrival)
             }
         }
+    }
+
+    /// What is missing in a step forward with so many samples in between, of which some came: by the counter, or by the rhythm.
+    fn missing(&mut self, raw: &Raw, step: Step, last: &Last, came: u64, between: u64) -> Missing {
+        let is_counted = raw.counter.and(last.counter).is_some();
+        let counted = is_counted.then_some(between + 1);
+        let is_timed = raw.ticks.and(last.ticks).is_some();
+        let stride = Stride { step_s: step.device_s, counted, came };
+        match &mut self.layout {
+            Layout::Clock(_, rhythm) if is_timed => {
+                let missing = rhythm.take(stride);
+                if !is_counted {
+                    return missing;
+                }
+            }
+            _ => {}
+        }
+        let samples = between - came;
+        Missing { samples, gaps: u64::from(samples > 0) }
     }
 
     /// Keeps a sample that fits nowhere until the next one says what it was.
@@ -341,18 +378,34 @@ impl Timeline {
 
     fn reset(&mut self, raw: Raw, doubted: &Last) -> Stamp {
         self.counts.resets += 1;
-        match &mut self.layout {
-            Layout::Clock(fit) => fit.restart(),
-            Layout::Pace(pace) => pace.restart(),
-        }
-        self.accept(raw, self.ticks_s(raw.ticks), doubted.number + 1, 0, Order::Reset)
+        let untold = match &mut self.layout {
+            Layout::Clock(fit, rhythm) => {
+                fit.restart();
+                rhythm.restart()
+            }
+            Layout::Pace(pace) => {
+                pace.restart();
+                Missing::default()
+            }
+        };
+        let is_counted = self.telling.counter_bits.is_some();
+        let missed = if is_counted { Missing::default() } else { untold };
+        let number = doubted.number + 1 + missed.samples;
+        self.accept(raw, self.ticks_s(raw.ticks), number, missed, Order::Reset)
     }
 
-    fn accept(&mut self, raw: Raw, device_s: f64, number: u64, missed: u64, order: Order) -> Stamp {
+    fn accept(
+        &mut self,
+        raw: Raw,
+        device_s: f64,
+        number: u64,
+        missed: Missing,
+        order: Order,
+    ) -> Stamp {
         let arrival = raw.arrival;
         let before = self.last.filter(|_| order != Order::Reset);
         let (fitted, step_s, estimated) = match &mut self.layout {
-            Layout::Clock(fit) => {
+            Layout::Clock(fit, _) => {
                 let step_s = before.map_or(0.0, |before| device_s - before.device_s);
                 (fit.take(device_s, arrival), step_s, 0)
             }
@@ -363,12 +416,13 @@ impl Timeline {
                 (laid.taken, laid.step_s, laid.estimated)
             }
         };
-        self.counts.gaps += u64::from(missed + estimated > 0);
-        self.counts.missed += missed;
+        self.counts.gaps += missed.gaps + u64::from(estimated > 0);
+        self.counts.missed += missed.samples;
         self.counts.estimated = self.counts.estimated.map(|all| all.saturating_add(estimated));
         let latency_ns = u64::try_from(self.telling.latency.as_nanos()).unwrap_or(0);
         let taken = Instant::from_nanos(fitted.as_nanos().saturating_sub(latency_ns));
         let order = if estimated > 0 { Order::Gap } else { order };
+        let missed = missed.samples;
         let stamp = Stamp { arrival, taken, number, step_s, missed, estimated, order };
         let Raw { counter, ticks, .. } = raw;
         self.last = Some(Last { counter, ticks, device_s, number, stamp });

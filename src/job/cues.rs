@@ -4,7 +4,7 @@ use crate::body::segment_name;
 use crate::body::worn::Movement;
 use crate::body::worn::check::{T_POSE_FAIL_RAD, T_POSE_WARN_RAD};
 use crate::error::counted;
-use crate::job::Event;
+use crate::job::{Event, source_words};
 use crate::sensing::{Cue, Question, SensingEvent, Unseen, Until};
 use crate::view::tracks::ViewSpan;
 use crate::wire::natnet::COMMAND_PORT;
@@ -122,6 +122,9 @@ pub fn of_event(event: SensingEvent<'_>) -> String {
             format!("{sensor}: its values stand still, nothing is measured")
         }
         SensingEvent::Unstuck { sensor } => format!("{sensor}: measures again"),
+        SensingEvent::Rate { sensor, rate_hz, profile_rate_hz } => {
+            format!("{sensor} {}", source_words::rate(rate_hz, profile_rate_hz))
+        }
         SensingEvent::OpenToNetwork { listen, worn, most } => {
             let whom = match worn.len() {
                 0 => {

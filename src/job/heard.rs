@@ -24,6 +24,8 @@ pub struct SensorNow {
     pub rate_hz: f64,
     /// Samples per second by its profile; 0: nobody knows.
     pub usual_rate_hz: f64,
+    /// Samples per second by its own clock, if that is another rate than its profile's.
+    pub own_rate_hz: Option<f64>,
     /// Samples that came since it was opened.
     pub samples: u64,
     /// Samples known to be missing since then.
@@ -61,6 +63,7 @@ impl Rates {
                 name: name.to_owned(),
                 rate_hz,
                 usual_rate_hz,
+                own_rate_hz: sensor.own_rate_hz,
                 samples: sensor.samples,
                 missed: sensor.missed,
                 silent_s: sensor.last.map(|last| now.seconds_since(last).max(0.0)),

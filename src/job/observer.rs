@@ -81,7 +81,11 @@ impl RecordingNow {
             let battery = source.battery.map(|level| format!(", battery {:.0} %", level * 100.0));
             let battery = battery.unwrap_or_default();
             let gone = if source.gone.is_some() { ", gone" } else { "" };
-            let _ = write!(text, "\n  {:<16} {rate_hz:.0}/s{lost}{battery}{gone}", source.name);
+            let usual_hz = source.usual_rate_hz;
+            let profile = source.own_rate_hz.map(|_| format!(" (its profile says {usual_hz})"));
+            let profile = profile.unwrap_or_default();
+            let name = &source.name;
+            let _ = write!(text, "\n  {name:<16} {rate_hz:.0}/s{profile}{lost}{battery}{gone}");
         }
         text
     }

@@ -1,6 +1,7 @@
 //! What became of sources, in words: one that was heard, and one that a recording holds.
 
 use super::report::counted;
+use crate::capture::is_another;
 use crate::recording::SourceOverview;
 use crate::sensing::SourceReport;
 use std::fmt::Write;
@@ -22,6 +23,10 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         (report.refused, "calls of others refused"),
     ];
     list(&told, out);
+    let rates = report.rate_hz.zip(report.profile_rate_hz);
+    if let Some((own, usual)) = rates.filter(|(own, usual)| is_another(*own, *usual)) {
+        let _ = write!(out, ", {}", rate(own, usual));
+    }
     if report.skew_ppm != 0.0 {
         let _ = write!(out, ", clock {:+.1} ppm", report.skew_ppm);
     }
@@ -32,6 +37,14 @@ pub fn heard(report: &SourceReport, out: &mut String) {
         let _ = write!(out, "; ended early: {ended}");
     }
     out.push('\n');
+}
+
+/// How often a sensor samples by its own clock, beside what its profile says.
+pub(super) fn rate(own_hz: f64, profile_hz: f64) -> String {
+    match is_another(own_hz, profile_hz) {
+        true => format!("sends {own_hz:.1} Hz where its profile says {profile_hz}"),
+        false => format!("sends {own_hz:.1} Hz, as its profile says"),
+    }
 }
 
 /// A source in one line: what there is and what is not.

@@ -255,6 +255,7 @@ impl<'a> Viewing<'a> {
                 let kind = match event {
                     SensingEvent::Back { .. }
                     | SensingEvent::Unstuck { .. }
+                    | SensingEvent::Rate { .. }
                     | SensingEvent::OpenToNetwork { .. }
                     | SensingEvent::Server { .. } => SpanKind::Event,
                     _ => SpanKind::Wrong,

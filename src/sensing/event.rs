@@ -50,6 +50,15 @@ pub enum SensingEvent<'a> {
         /// Its name.
         sensor: &'a str,
     },
+    /// A sensor samples at another rate than was known: than its profile says, or than before.
+    Rate {
+        /// Its name.
+        sensor: &'a str,
+        /// Samples per second by its own clock.
+        rate_hz: f64,
+        /// By its profile.
+        profile_rate_hz: f64,
+    },
     /// A socket is open to a network.
     OpenToNetwork {
         /// Where it listens.

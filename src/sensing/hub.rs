@@ -21,6 +21,8 @@ pub type Still = (Vec<StillSample>, u64);
 pub struct HeardSensor {
     /// Samples per second by its profile; 0: nobody knows.
     pub usual_rate_hz: f64,
+    /// Samples per second by its own clock, if that is another rate than its profile's.
+    pub own_rate_hz: Option<f64>,
     /// Samples that came.
     pub samples: u64,
     /// Samples known to be missing since the first.

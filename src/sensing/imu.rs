@@ -58,6 +58,7 @@ impl SerialImu {
         let began = MonotonicClock.now();
         let mut remarked = false;
         let mut stuck = false;
+        let mut told_hz = self.sensor.rate_hz;
         let (mut gone, mut gone_s) = (0, 0.0);
         while ended.is_none() && !intake.stopped() {
             match self.port.receive(&mut buffer, MonotonicClock.now() + LOOK) {
@@ -76,6 +77,7 @@ impl SerialImu {
                             intake.take(&source, captured);
                         }
                     });
+                    intake.samples_at(&source, &chain, &mut told_hz);
                 }
                 Err(PortError::TimedOut) => {}
                 Err(error) if intake.is_patient() => {

@@ -2,7 +2,7 @@
 
 use super::event::{Said, SensingEvent, Tell};
 use super::hub::{HeardSensor, Hub};
-use crate::capture::{Captured, Chain, Counts, Mode, Quality};
+use crate::capture::{Captured, Chain, Counts, Mode, Quality, is_another};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{CycleRecord, RecordedSource, Recorder, SourceId, SourceKind, SourceRecord};
 use crate::time::Instant;
@@ -19,6 +19,10 @@ pub struct SourceReport {
     pub name: String,
     /// What its timeline has seen.
     pub counts: Counts,
+    /// Samples per second, as the device's own clock tells; `None` where it has none, or its samples agree on no rate.
+    pub rate_hz: Option<f64>,
+    /// Samples per second by its profile; `None` where it has no clock that could tell another rate.
+    pub profile_rate_hz: Option<f64>,
     /// Samples that lacked a required part.
     pub incomplete: u64,
     /// Samples in which the values stood still while number or time went on.
@@ -48,6 +52,8 @@ impl SourceReport {
         Self {
             name: name.to_owned(),
             counts: chain.timeline().counts(),
+            rate_hz: chain.rate_hz(),
+            profile_rate_hz: chain.rate_hz().map(|_| chain.profile_rate_hz()),
             incomplete: chain.incomplete(),
             stuck: chain.stuck_samples(),
             skew_ppm,
@@ -139,6 +145,19 @@ impl<'a> Intake<'a> {
     /// A source speaks so many times a second by its profile; 0: nobody knows.
     pub fn expects(&self, source: &Named, usual_rate_hz: f64) {
         self.note(source, |now| now.usual_rate_hz = usual_rate_hz);
+    }
+
+    /// Takes how often a source samples by its own clock, and says so once if that is another rate than what was known.
+    pub fn samples_at(&self, source: &Named, chain: &Chain, told_hz: &mut f64) {
+        let Some(rate_hz) = chain.rate_hz().filter(|rate_hz| is_another(*rate_hz, *told_hz)) else {
+            return;
+        };
+        *told_hz = rate_hz;
+        let profile_rate_hz = chain.profile_rate_hz();
+        let is_other = is_another(rate_hz, profile_rate_hz);
+        self.note(source, |now| now.own_rate_hz = is_other.then_some(rate_hz));
+        let sensor = &*source.name;
+        (self.tell)(SensingEvent::Rate { sensor, rate_hz, profile_rate_hz });
     }
 
     /// Takes how full the battery of a source is, 0 to 1.

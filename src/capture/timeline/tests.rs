@@ -166,6 +166,66 @@ fn a_time_that_was_misread_is_no_reset_and_no_loss() {
     }
 }
 
+/// What else befalls it is told as it is of others: one time that is misread, one sample twice, one out of order, a new beginning.
+#[test]
+fn a_device_at_another_rate_than_its_profiles_is_judged_as_others_are() {
+    for period_us in [2_500_u64, 5_000, 15_000, 20_000, 80_000] {
+        let mut timeline = Timeline::new(Telling {
+            counter_bits: None,
+            clock: Some((32, 1e-6)),
+            period_s: 0.01,
+            latency: Duration::ZERO,
+        });
+        let mut told = 0;
+        for n in 0..1000_u64 {
+            // Lost.
+            if [5, 6, 300, 700].contains(&n) {
+                continue;
+            }
+            let ticks = match n {
+                400 => 3_000_000_000,
+                500 => (n - 1) * period_us,
+                600 => (n - 3) * period_us,
+                // It begins again.
+                900.. => (n - 900) * period_us,
+                _ => n * period_us,
+            };
+            let arrival = at(1.0 + (n * period_us) as f64 * 1e-6);
+            told += timeline.take(None, Some(ticks), arrival).missed;
+        }
+        let counts = timeline.counts();
+        // In one's place another came twice: it is missing. In another's place one came that seemed to be late: it was misread.
+        let seen = (counts.missed, counts.resets, counts.duplicates, counts.late, counts.misread);
+        assert_eq!(seen, (5, 1, 1, 0, 2), "{period_us} us: {counts:?}");
+        assert_eq!(told, 5, "{period_us} us");
+        assert!((timeline.period_s() / (period_us as f64 * 1e-6) - 1.0).abs() < 1e-3);
+    }
+}
+
+/// Of twice the period, with one lost: too few samples have come to tell one by one, and the recording ends, or the device begins again.
+#[test]
+fn what_is_missing_among_the_first_samples_is_counted_though_the_rate_is_known_late() {
+    let telling = Telling {
+        counter_bits: None,
+        clock: Some((32, 1e-6)),
+        period_s: 0.01,
+        latency: Duration::ZERO,
+    };
+    for begins_again in [false, true] {
+        let mut timeline = Timeline::new(telling);
+        let mut told = 0;
+        for n in [0, 1, 2, 4, 5, 6, 7, 8, 9_u64] {
+            let ticks = if begins_again && n > 7 { n - 7 } else { n + 100 };
+            let stamp = timeline.take(None, Some(ticks * 20_000), at(1.0 + n as f64 * 0.02));
+            told += stamp.missed;
+            assert!(stamp.number <= n, "{n}: {stamp:?}");
+        }
+        let counts = timeline.counts();
+        let expected = (1, 1, u64::from(begins_again), u64::from(begins_again));
+        assert_eq!((counts.missed, counts.gaps, counts.resets, told), expected);
+    }
+}
+
 #[test]
 fn a_jump_that_stays_is_a_loss_if_it_is_short_and_else_a_new_beginning() {
     // By how much the clock goes on: lost, samples missed, resets.
