@@ -113,6 +113,14 @@ def run(args, folder: Path) -> int:
     child = subprocess.Popen(
         [*command, "--json", "--quiet"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
+    try:
+        return watched(args, chance, sensors, file, child)
+    finally:
+        if child.poll() is None:
+            child.kill()
+
+
+def watched(args, chance, sensors, file: Path, child) -> int:
     while not all([sensor.listens() for sensor in sensors]):
         if child.poll() is not None:
             print(child.stderr.read(), file=sys.stderr)
@@ -196,6 +204,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--verbose", action="store_true", help="what the recording said")
     args = parser.parse_args()
+    if args.seconds < 10.0:
+        parser.error("--for: at least 10 s, so that something is lost and something is seen")
     with tempfile.TemporaryDirectory(prefix="gaitway-long-") as folder:
         return run(args, Path(folder))
 

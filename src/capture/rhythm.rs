@@ -6,6 +6,9 @@
 //! long as steps agree with it. Where they do not, what is missing is not told before it is known by which period it is to be counted:
 //! soon (half a second, 16 samples), and then all of it. A change of rate is found in the same way.
 //!
+//! Samples that are stamped two by two, or by a clock of which a sample takes two ticks or fewer, tell no period: they are counted by
+//! the one that stands.
+//!
 //! What nobody can tell without a counter: whether a device samples half as often, or evenly loses every second sample.
 
 /// A step so far off the period or a multiple of it, as a part of the period, agrees with it.
@@ -30,6 +33,11 @@ const MULTIPLES: f64 = 0.8;
 const ONES_OF_KNOWN: f64 = 0.2;
 const ONES: f64 = 0.5;
 const ONES_OF_MANY: f64 = 0.3;
+/// A shorter period is not believed if this part of the samples would be missing by it while there are as many as the known
+/// period asks for: they are read or stamped unevenly.
+const MOSTLY: f64 = 0.48;
+/// Nor is one of so few ticks of the clock.
+const LEAST_TICKS: f64 = 3.0;
 /// No sensor's rate is this many times off its profile's.
 const MOST_FACTOR: f64 = 50.0;
 /// Steps after which the period is known better.
@@ -269,10 +277,14 @@ impl Rhythm {
             return better_s.or(Some(standing_s));
         }
         let ones = if steps_s.len() >= ENOUGH { ONES_OF_MANY } else { ONES };
+        let mean_s = steps_s.iter().sum::<f64>() / steps_s.len().max(1) as f64;
+        let comes_as_often = (mean_s / standing_s - 1.0).abs() <= CLOSE;
         let candidates = seeds(&steps_s).into_iter().filter_map(|seed_s| {
             let period_s = refined(seed_s, &steps_s)?;
             let agreement = Agreement::with(period_s, &steps_s);
-            (self.may_be(period_s) && agreement.is_enough(ones))
+            let is_uneven = comes_as_often && 1.0 - period_s / mean_s >= MOSTLY;
+            let may_be = self.may_be(period_s) && period_s >= LEAST_TICKS * self.tick_s;
+            (may_be && !is_uneven && agreement.is_enough(ones))
                 .then_some((agreement.ones, period_s))
         });
         let best = candidates.max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));

@@ -21,7 +21,7 @@ pub struct SourceReport {
     pub counts: Counts,
     /// Samples per second, as the device's own clock tells; `None` where it has none, or its samples agree on no rate.
     pub rate_hz: Option<f64>,
-    /// Samples per second by its profile; `None` where it has no clock that could tell another rate.
+    /// Samples per second by its profile; `None` where no clock has told another, or the same.
     pub profile_rate_hz: Option<f64>,
     /// Samples that lacked a required part.
     pub incomplete: u64,
@@ -147,7 +147,7 @@ impl<'a> Intake<'a> {
         self.note(source, |now| now.usual_rate_hz = usual_rate_hz);
     }
 
-    /// Takes how often a source samples by its own clock, and says so once if that is another rate than what was known.
+    /// Takes how often a source samples by its own clock, and says so if that is another rate than what was known.
     pub fn samples_at(&self, source: &Named, chain: &Chain, told_hz: &mut f64) {
         let Some(rate_hz) = chain.rate_hz().filter(|rate_hz| is_another(*rate_hz, *told_hz)) else {
             return;

@@ -64,6 +64,8 @@ struct Heard {
     lost: u64,
     lost_since: u64,
     lost_between: u64,
+    /// Samples per second, as they were told last.
+    told_hz: f64,
 }
 
 impl Bodies {
@@ -290,6 +292,7 @@ impl Bodies {
             for captured in heard.chain.take(&reading, now).into_iter().flatten() {
                 intake.take(&heard.source, captured);
             }
+            intake.samples_at(&heard.source, &heard.chain, &mut heard.told_hz);
         }
     }
 
@@ -309,7 +312,8 @@ impl Bodies {
             let metadata = [("profile", self.sensor.name.as_str())];
             let source = intake.add(name, SourceKind::Imu, &metadata);
             let chain = Chain::new(&self.sensor, intake.mode);
-            Heard { source, chain, lost: 0, lost_since: 0, lost_between: 0 }
+            let told_hz = chain.profile_rate_hz();
+            Heard { source, chain, lost: 0, lost_since: 0, lost_between: 0, told_hz }
         });
         self.heard.insert(body.part, heard);
         true

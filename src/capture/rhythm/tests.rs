@@ -200,6 +200,35 @@ fn steps_that_agree_on_no_rate_are_counted_by_the_profiles() {
 }
 
 #[test]
+fn uneven_stamps_are_no_higher_rate_that_loses_most() {
+    // What the profile's rate makes of each pattern: 18 and 37 ms are two and four of it, 15 are two.
+    for (pattern_ms, missed) in
+        [(&[2.0, 18.0][..], 1), (&[1.0, 1.0, 1.0, 37.0][..], 3), (&[5.0, 15.0][..], 1)]
+    {
+        let mut rhythm = Rhythm::new(0.01, 1e-6);
+        let mut told = 0;
+        for _ in 0..500 {
+            for step_ms in pattern_ms {
+                let step_s = step_ms * 1e-3;
+                told += rhythm.take(Stride { step_s, counted: None, came: 0 }).samples;
+            }
+        }
+        told += rhythm.pending().samples;
+        assert_eq!(told, 500 * missed, "{pattern_ms:?}");
+        assert!((rhythm.period_s() / 0.01 - 1.0).abs() < 0.05, "{pattern_ms:?}");
+    }
+}
+
+#[test]
+fn a_clock_of_which_a_sample_takes_two_ticks_tells_no_losses_that_are_none() {
+    let clock = Clock { tick_s: 1e-3, grain_s: 1e-3, jitter: 0.0 };
+    for (nominal_hz, rate_hz) in [(600.0, 600.0), (400.0, 450.0), (400.0, 400.0), (500.0, 500.0)] {
+        let (heard, _) = heard(nominal_hz, rate_hz, clock, 2000, |_| false);
+        assert_eq!(heard.missing(), 0, "{rate_hz} Hz by a profile of {nominal_hz}");
+    }
+}
+
+#[test]
 fn a_rate_more_than_fifty_times_off_the_profiles_is_not_believed() {
     for (step_s, missed) in [(0.000_15, 0), (0.6, 59)] {
         let mut rhythm = Rhythm::new(0.01, 1e-6);
