@@ -590,6 +590,11 @@ fn where_nothing_can_be_drawn_in_space_the_page_says_so_and_the_rest_works() {
     browser.open(Path::new(&page), "#t=4");
     let said = browser.value("document.getElementById('nothing').innerText");
     assert!(said.as_str().unwrap().contains("draws nothing in space"), "{said}");
+    let places = browser.value(
+        "['nothing', 'now'].map(id => document.getElementById(id).getBoundingClientRect())\
+         .map(at => [at.top, at.bottom])",
+    );
+    assert!(places[0][1].as_f64() <= places[1][0].as_f64(), "one is under the other: {places}");
     browser.key(" ", "Space");
     browser.frames(4);
     assert!(browser.value("gaitway.figures().now").as_f64().unwrap() > 4.0, "it plays");
