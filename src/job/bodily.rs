@@ -24,7 +24,7 @@ const MADE_UP: &str = "made here";
 pub(super) const WOULD_FALL: &str = "a robot on its own feet would fall in this motion";
 /// What to do about it.
 pub(super) const INSTEAD: &str = "--hang if it hangs on a stand, --only for some joints, --speed for a slower \
-                                  motion, --allow-fall to play it all the same";
+                                  motion, --allow-fall to let it fall";
 
 /// A line about a fall that is predicted.
 pub(super) fn fall_note(at_s: f64) -> String {

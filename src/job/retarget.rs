@@ -179,7 +179,7 @@ pub(super) fn robot_clip(
     capture: Capture,
     rate_hz: f64,
 ) -> Result<RobotClip, Error> {
-    let order = MotionOrder { balanced_at: Some(1.0), ..MotionOrder::of(name) };
+    let order = MotionOrder { balanced_at: Some(1.0), may_fall: true, ..MotionOrder::of(name) };
     let loaded = source::of_person(&order, robot, capture, Source::default(), false)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let path = loaded.path_from(robot, &start_rad)?;

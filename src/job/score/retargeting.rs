@@ -193,7 +193,8 @@ pub fn retargeting(
 }
 
 fn of_trial(robot: &Robot, entry: &TrialEntry, capture: Capture) -> Result<Judged, Error> {
-    let order = MotionOrder { balanced_at: Some(1.0), ..MotionOrder::of(&entry.name) };
+    let of = MotionOrder::of(&entry.name);
+    let order = MotionOrder { balanced_at: Some(1.0), may_fall: true, ..of };
     let copied = source::copied(robot, &entry.name, capture.clone())?;
     let touches = copied.footfalls().iter().map(|of| of.touches.unwrap_or([true; 2]));
     let footing = FeetRule::of(touches);

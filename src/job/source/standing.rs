@@ -89,13 +89,14 @@ pub(super) fn balanced(
     let on = OnItsFeet { robot, placed, said: &said, speed, rate_hz };
     let slower = on.tempo(&retargeted.positions_rad)?;
     let of = on.adjusting(slower);
-    if placed.exact
-        && is_steady(&of, &retargeted.positions_rad)?
-        && survives(&of, &retargeted.positions_rad)?.in_any_case()
-    {
+    let given = &retargeted.positions_rad;
+    let exactly = match placed.exact && is_steady(&of, given)? {
+        true => Some(survives(&of, given)?),
+        false => None,
+    };
+    if exactly.is_some_and(Survival::in_any_case) {
         return Ok(None);
     }
-    let given = &retargeted.positions_rad;
     let carries: Vec<[bool; 2]> =
         footfalls.iter().map(|of| of.touches.unwrap_or([true; 2])).collect();
     let flies_s = longest_flight(&carries) as f64 / rate_hz;
@@ -120,13 +121,21 @@ pub(super) fn balanced(
             found = Some(moved);
         }
     }
+    if exactly.is_some_and(|of| of.as_they_are) {
+        return Ok(None);
+    }
     if may_fall {
         return Ok(found.map(|moved| moved.onto(retargeted)));
     }
-    // One that is not in itself first, and then one that soft servos bear, too.
+    // One that is not in itself first, and then one that soft servos bear, too. Where nobody knows how servos give way, nobody
+    // knows whether one leg bears it.
+    let ways: &[FeetMay] = match placed.body.drive {
+        Some(_) => &[FeetMay::Step, FeetMay::Stay],
+        None => &[FeetMay::Stay],
+    };
     let mut best: Option<([bool; 2], Moved)> = None;
-    for feet_may in [FeetMay::Step, FeetMay::Stay] {
-        let Some((moved, is_apart)) = on.waited(given, feet_may)? else { break };
+    for feet_may in ways {
+        let Some((moved, is_apart)) = on.waited(given, *feet_may)? else { break };
         let survival = on.survival(&moved)?;
         let good = [is_apart, survival.softly];
         if survival.as_they_are && best.as_ref().is_none_or(|(before, _)| good > *before) {
