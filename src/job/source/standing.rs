@@ -90,11 +90,7 @@ pub(super) fn balanced(
     let slower = on.tempo(&retargeted.positions_rad)?;
     let of = on.adjusting(slower);
     let given = &retargeted.positions_rad;
-    let exactly = match placed.exact && is_steady(&of, given)? {
-        true => Some(survives(&of, given)?),
-        false => None,
-    };
-    if exactly.is_some_and(Survival::in_any_case) {
+    if placed.exact && is_steady(&of, given)? && survives(&of, given)?.in_any_case() {
         return Ok(None);
     }
     let carries: Vec<[bool; 2]> =
@@ -121,7 +117,8 @@ pub(super) fn balanced(
             found = Some(moved);
         }
     }
-    if exactly.is_some_and(|of| of.as_they_are) {
+    // As it came it is nearest to the person.
+    if upright(&of, given)?.as_they_are {
         return Ok(None);
     }
     if may_fall {
@@ -147,6 +144,14 @@ pub(super) fn balanced(
     }
     let holding = best.map(|(_, moved)| moved);
     Ok(holding.or(found).map(|moved| moved.onto(retargeted)))
+}
+
+/// Who stays up, by the pendulum and by trying.
+fn upright(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Survival, Error> {
+    match stays(of, angles_rad)? {
+        true => survives(of, angles_rad),
+        false => Ok(Survival { as_they_are: false, softly: false }),
+    }
 }
 
 /// A motion that was moved.
@@ -267,11 +272,10 @@ impl<'a> OnItsFeet<'a> {
     fn survival(&self, moved: &Moved) -> Result<Survival, Error> {
         let Moved { angles_rad, standing } = moved;
         let slower = self.tempo(angles_rad)?;
-        let of = Adjusting { footfalls: Some(&standing.footfalls), ..self.adjusting(slower) };
-        match stays(&of, angles_rad)? {
-            true => survives(&of, angles_rad),
-            false => Ok(Survival { as_they_are: false, softly: false }),
-        }
+        upright(
+            &Adjusting { footfalls: Some(&standing.footfalls), ..self.adjusting(slower) },
+            angles_rad,
+        )
     }
 
     /// Weight is led over one foot before the other leaves the floor, and the person waits for that.
