@@ -8,7 +8,7 @@ use gaitway::port::{Clock, MonotonicClock};
 use gaitway::recording::{Marker, SampleEncoding, sensor_series};
 use gaitway::time::Duration;
 use std::io::Write;
-use std::net::TcpListener;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::mpsc::channel;
 
 /// Standard gravity, m/s², as the sketch says it; of every tenth sample one beyond the range that its profile says.
@@ -20,19 +20,25 @@ fn sketch_lines() -> impl Iterator<Item = String> {
     (0..).map(line)
 }
 
-#[test]
-fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
+/// Where something says these lines to whoever comes, one after so many milliseconds.
+fn sayer(lines: impl Iterator<Item = String> + Send + 'static, every_ms: u64) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = listener.local_addr().expect("its address");
     std::thread::spawn(move || {
         let (mut line, _) = listener.accept().expect("the recording");
-        for text in sketch_lines() {
+        for text in lines {
             if line.write_all(text.as_bytes()).is_err() {
                 break;
             }
-            std::thread::sleep(std::time::Duration::from_millis(10));
+            std::thread::sleep(std::time::Duration::from_millis(every_ms));
         }
     });
+    address
+}
+
+#[test]
+fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
+    let address = sayer(sketch_lines(), 10);
     let file = program::folder("beyond").join("take.mcap");
     let output = program::gaitway()
         .args(["record", &format!("torso=imu:arduino-csv@tcp:{address}"), "--for", "1s", "-o"])
@@ -58,18 +64,8 @@ fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
 /// A sketch that prints every 20 ms, while its profile says 10.
 #[test]
 fn a_board_that_prints_half_as_often_as_its_profile_says_has_lost_nothing_and_that_is_said_once() {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let address = listener.local_addr().expect("its address");
-    std::thread::spawn(move || {
-        let (mut line, _) = listener.accept().expect("the recording");
-        for n in 0.. {
-            let text = format!("{},0,0,9.8,0,0,{:.3}\n", n * 20_000, f64::from(n % 7) * 0.01);
-            if line.write_all(text.as_bytes()).is_err() {
-                break;
-            }
-            std::thread::sleep(std::time::Duration::from_millis(20));
-        }
-    });
+    let line = |n: u32| format!("{},0,0,9.8,0,0,{:.3}\n", n * 20_000, f64::from(n % 7) * 0.01);
+    let address = sayer((0..).map(line), 20);
     let file = program::folder("half-as-often").join("take.mcap");
     let output = program::gaitway()
         .args(["record", &format!("torso=imu:arduino-csv@tcp:{address}"), "--for", "3s", "-o"])
@@ -86,14 +82,7 @@ fn a_board_that_prints_half_as_often_as_its_profile_says_has_lost_nothing_and_th
 
 #[test]
 fn a_mark_that_was_set_before_the_recording_began_is_one_of_its_beginning() {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let address = listener.local_addr().expect("its address");
-    std::thread::spawn(move || {
-        let (mut line, _) = listener.accept().expect("the recording");
-        while line.write_all(b"1,2,3\n").is_ok() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-    });
+    let address = sayer(std::iter::repeat_with(|| "1,2,3\n".to_owned()), 5);
     let file = program::folder("early-mark").join("take.mcap");
     let (sender, marks) = channel();
     let early = Marker { at: MonotonicClock.now(), text: "early".to_owned() };

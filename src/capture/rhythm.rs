@@ -6,12 +6,12 @@
 //! long as steps agree with it. Where they do not, what is missing is not told before it is known by which period it is to be counted:
 //! soon (half a second, 16 samples), and then all of it. A change of rate is found in the same way.
 //!
-//! Samples that are stamped two by two, or by a clock of which a sample takes two ticks or fewer, tell no period: they are counted by
-//! the one that stands.
+//! Samples that are stamped two by two tell no period: they are counted by the one that stands. By a clock of which a sample takes two
+//! or three ticks, one that samples more slowly than its profile says is told to lose some at first.
 //!
 //! What nobody can tell without a counter: whether a device samples half as often, or evenly loses every second sample.
 
-/// A step so far off the period or a multiple of it, as a part of the period, agrees with it.
+/// A step so far off the period or a multiple of it, as a part of the period, or a tick of the clock, agrees with it.
 const NEAR: f64 = 0.25;
 /// The first steps agree with a period that nothing has confirmed yet only so closely.
 const CLOSE: f64 = 0.05;
@@ -36,8 +36,6 @@ const ONES_OF_MANY: f64 = 0.3;
 /// A shorter period is not believed if this part of the samples would be missing by it while there are as many as the known
 /// period asks for: they are read or stamped unevenly.
 const MOSTLY: f64 = 0.48;
-/// Nor is one of so few ticks of the clock.
-const LEAST_TICKS: f64 = 3.0;
 /// No sensor's rate is this many times off its profile's.
 const MOST_FACTOR: f64 = 50.0;
 /// Steps after which the period is known better.
@@ -187,13 +185,13 @@ impl Rhythm {
         let period_s = self.period_s();
         match self.fresh {
             true => (stride.step_s - period_s).abs() <= (CLOSE * period_s).max(self.tick_s * 1.001),
-            false => near(stride.step_s, period_s) == Some(1),
+            false => self.near(stride.step_s, period_s) == Some(1),
         }
     }
 
     /// Knows the period better, if the step is one or a few of it.
     fn learn(&mut self, stride: &Stride) {
-        let times = near(stride.step_s, self.period_s());
+        let times = self.near(stride.step_s, self.period_s());
         let Some(times) = times.filter(|times| *times <= FEW && stride.came == 0) else { return };
         self.block = (self.block.0 + stride.step_s, self.block.1 + times as f64);
         if self.block.1 < BLOCK {
@@ -269,9 +267,10 @@ impl Rhythm {
         }
         steps_s.sort_by(f64::total_cmp);
         let standing_s = self.period_s();
-        let agrees = |period_s: f64, ones: f64| Agreement::with(period_s, &steps_s).is_enough(ones);
+        let agreement = |period_s: f64| self.agreement(period_s, &steps_s);
+        let agrees = |period_s: f64, ones: f64| agreement(period_s).is_enough(ones);
         if agrees(standing_s, ONES_OF_KNOWN) {
-            let better_s = refined(standing_s, &steps_s).filter(|better_s| {
+            let better_s = self.refined(standing_s, &steps_s).filter(|better_s| {
                 (better_s / standing_s - 1.0).abs() > ANOTHER && agrees(*better_s, ONES_OF_KNOWN)
             });
             return better_s.or(Some(standing_s));
@@ -280,15 +279,49 @@ impl Rhythm {
         let mean_s = steps_s.iter().sum::<f64>() / steps_s.len().max(1) as f64;
         let comes_as_often = (mean_s / standing_s - 1.0).abs() <= CLOSE;
         let candidates = seeds(&steps_s).into_iter().filter_map(|seed_s| {
-            let period_s = refined(seed_s, &steps_s)?;
-            let agreement = Agreement::with(period_s, &steps_s);
+            let period_s = self.refined(seed_s, &steps_s)?;
+            let agreement = agreement(period_s);
             let is_uneven = comes_as_often && 1.0 - period_s / mean_s >= MOSTLY;
-            let may_be = self.may_be(period_s) && period_s >= LEAST_TICKS * self.tick_s;
-            (may_be && !is_uneven && agreement.is_enough(ones))
+            (self.may_be(period_s) && !is_uneven && agreement.is_enough(ones))
                 .then_some((agreement.ones, period_s))
         });
         let best = candidates.max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         best.map(|(_, period_s)| period_s)
+    }
+
+    /// How many periods a step is, if it is a multiple.
+    fn near(&self, step_s: f64, period_s: f64) -> Option<u64> {
+        let times = (step_s / period_s).round().max(1.0);
+        let near_s = (NEAR * period_s).max(self.tick_s * 1.001);
+        ((step_s - times * period_s).abs() <= near_s).then_some(times as u64)
+    }
+
+    /// How many steps are multiples of a period.
+    fn agreement(&self, period_s: f64, steps_s: &[f64]) -> Agreement {
+        let (mut ones, mut multiples) = (0.0, 0.0);
+        for times in steps_s.iter().filter_map(|step_s| self.near(*step_s, period_s)) {
+            multiples += 1.0;
+            ones += f64::from(times == 1);
+        }
+        let count = steps_s.len().max(1) as f64;
+        Agreement { ones: ones / count, multiples: multiples / count }
+    }
+
+    /// The mean of the steps that are near one, and so on.
+    fn refined(&self, seed_s: f64, steps_s: &[f64]) -> Option<f64> {
+        let mut period_s = seed_s;
+        for _ in 0..4 {
+            let is_one = |step_s: &&f64| self.near(**step_s, period_s) == Some(1);
+            let (mut sum_s, mut count) = (0.0, 0.0);
+            for step_s in steps_s.iter().filter(is_one) {
+                (sum_s, count) = (sum_s + step_s, count + 1.0);
+            }
+            if count == 0.0 {
+                return None;
+            }
+            period_s = sum_s / count;
+        }
+        Some(period_s)
     }
 }
 
@@ -299,16 +332,6 @@ struct Agreement {
 }
 
 impl Agreement {
-    fn with(period_s: f64, steps_s: &[f64]) -> Self {
-        let (mut ones, mut multiples) = (0.0, 0.0);
-        for times in steps_s.iter().filter_map(|step_s| near(*step_s, period_s)) {
-            multiples += 1.0;
-            ones += f64::from(times == 1);
-        }
-        let count = steps_s.len().max(1) as f64;
-        Self { ones: ones / count, multiples: multiples / count }
-    }
-
     fn is_enough(&self, ones: f64) -> bool {
         self.ones >= ones && self.multiples >= MULTIPLES
     }
@@ -334,12 +357,6 @@ fn missing(stride: &Stride, period_s: f64) -> Missing {
     Missing { samples, gaps: u64::from(samples > 0) }
 }
 
-/// How many periods a step is, if it is a multiple.
-fn near(step_s: f64, period_s: f64) -> Option<u64> {
-    let times = (step_s / period_s).round().max(1.0);
-    ((step_s - times * period_s).abs() <= NEAR * period_s).then_some(times as u64)
-}
-
 /// Where periods are looked for among steps in order of length.
 fn seeds(steps_s: &[f64]) -> Vec<f64> {
     let count = steps_s.len();
@@ -347,22 +364,6 @@ fn seeds(steps_s: &[f64]) -> Vec<f64> {
     let mut seeds: Vec<f64> = (0..8).map(|part| steps_s[part * count / 8]).collect();
     seeds.extend([mean_s(&steps_s[..(count * 3).div_ceil(4)]), mean_s(steps_s)]);
     seeds
-}
-
-/// The mean of the steps that are near one, and so on.
-fn refined(seed_s: f64, steps_s: &[f64]) -> Option<f64> {
-    let mut period_s = seed_s;
-    for _ in 0..4 {
-        let (mut sum_s, mut count) = (0.0, 0.0);
-        for step_s in steps_s.iter().filter(|step_s| near(**step_s, period_s) == Some(1)) {
-            (sum_s, count) = (sum_s + step_s, count + 1.0);
-        }
-        if count == 0.0 {
-            return None;
-        }
-        period_s = sum_s / count;
-    }
-    Some(period_s)
 }
 
 #[cfg(test)]

@@ -18,7 +18,6 @@ const STEP_S: f64 = 0.01;
 const STOPS_S: f64 = 0.1;
 /// So long a foot is waited for that does not come to leave the floor or to stand, and the robot at either end, s.
 const LONGEST_S: f64 = 3.0;
-
 /// Angles are averaged over this time, standard deviation, s: pose by pose a foot begins to stand or to go from one to the next.
 const SPREAD_S: f64 = 0.05;
 
