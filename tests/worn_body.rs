@@ -2,7 +2,9 @@
 
 use gaitway::action::vocabulary;
 use gaitway::body::worn::{
-    Calibration, HeadingBy, Moved, Movement, Wearing, WornSensor, calibrate::calibrate, check,
+    Calibration, HeadingBy, Moved, Movement, Wearing, WornSensor,
+    calibrate::{calibrate, calibrate_by_all},
+    check,
 };
 use gaitway::body::{Dof, JointAngles, Segment, SegmentPose};
 use glam::{DQuat, DVec3};
@@ -348,7 +350,7 @@ fn a_calibration_that_cannot_be_trusted_is_refused_and_says_why() {
     // A leg that swings about two axes is no hinge: the strapping is used, and it is said.
     let mut moved = person.movement(Movement::Bend);
     for (n, q) in moved.orientation[0].iter_mut().enumerate() {
-        *q = DQuat::from_rotation_z(0.5 * (n as f64 / 7.0).sin()) * *q;
+        *q *= DQuat::from_rotation_x(0.5 * (n as f64 / 7.0).sin());
     }
     let found = calibrate(&person.sensors(true), &n_pose, None, &[moved]).expect("strapped");
     assert_eq!(found.mounts[0].heading_by, HeadingBy::Strapping);
@@ -356,6 +358,94 @@ fn a_calibration_that_cannot_be_trusted_is_refused_and_says_why() {
     let twice = [person.sensors(true)[0]; 2];
     let series = vec![n_pose[0].clone(); 2];
     assert!(calibrate(&twice, &series, None, &[]).is_err());
+}
+
+/// A thigh's flesh twists about the bone at every step and jolt, faster than the thigh moves, and whoever goes to a chair turns round.
+#[test]
+fn a_movement_tells_a_heading_though_flesh_twists_a_sensor_and_somebody_turns_round() {
+    let mut person = Person::new(&[Segment::LeftThigh], NONE, 37);
+    person.strapped[0] = DQuat::from_rotation_z(0.6);
+    let n_pose = person.stand(&JointAngles::default());
+    let poses: Vec<SegmentPose> = (0..300)
+        .map(|n| {
+            let time_s = f64::from(n) / RATE_HZ;
+            let bend = (1.0 - (2.0 * PI * time_s / 5.0).cos()) / 2.0;
+            let mut pose = JointAngles::default().to_pose(DVec3::ZERO, DQuat::IDENTITY);
+            let twist = DQuat::from_rotation_z(0.08 * (2.0 * PI * 9.0 * time_s).sin());
+            let turned = DQuat::from_rotation_z(0.5 * time_s);
+            let raised = DQuat::from_rotation_y(-1.3 * bend);
+            pose.orientation[Segment::LeftThigh.index()] = turned * raised * twist;
+            pose
+        })
+        .collect();
+    let moved = Moved { movement: Movement::SitToStand, orientation: person.series(&poses) };
+    let found = calibrate(&person.sensors(false), &n_pose, None, &[moved]).expect("told");
+    assert!(found.notes.is_empty(), "{:?}", found.notes);
+    let off = gaitway::units::wrap_rad(found.mounts[0].heading_rad - person.heading[0]);
+    assert!(off.abs() < 2.0_f64.to_radians(), "{} deg", off.to_degrees());
+}
+
+const LEGS: [Segment; 6] = [
+    Segment::LeftThigh,
+    Segment::LeftShank,
+    Segment::LeftFoot,
+    Segment::RightThigh,
+    Segment::RightShank,
+    Segment::RightFoot,
+];
+
+/// Nobody was asked to move in any way, and straps are far off, or unknown.
+#[test]
+fn legs_of_whoever_walks_and_squats_tell_how_their_sensors_face() {
+    for is_forward_known in [true, false] {
+        for seed in 1..=8 {
+            let faults = Faults { strapping: 0.0, posture: 1.0_f64.to_radians(), ..REAL };
+            let mut person = Person::new(&LEGS, faults, seed);
+            for (at, strapped) in person.strapped.iter_mut().enumerate() {
+                let side = if at % 2 == 0 { 1.0 } else { -1.0 };
+                *strapped = DQuat::from_rotation_z(side * 40.0_f64.to_radians()) * *strapped;
+            }
+            let n_pose = person.stand(&JointAngles::default());
+            let done = [performed("walk"), performed("squat")].concat();
+            let poses: Vec<SegmentPose> =
+                done.iter().map(|angles| angles.to_pose(DVec3::ZERO, DQuat::IDENTITY)).collect();
+            let done = person.series(&poses);
+            let sensors = person.sensors(is_forward_known);
+            let found = calibrate_by_all(&sensors, &n_pose, None, &[], Some(&done));
+            let found = found.expect("done");
+            for (mount, heading_rad) in found.mounts.iter().zip(&person.heading) {
+                assert_eq!(mount.heading_by, HeadingBy::Leaning, "{:?}", mount.segment);
+                let off = gaitway::units::wrap_rad(mount.heading_rad - heading_rad);
+                assert!(off.abs() < 12.0_f64.to_radians(), "{mount:?} {} deg", off.to_degrees());
+            }
+        }
+    }
+}
+
+/// Whoever only stands, or swings a leg round, shows nothing: the strap is believed, and where there is none to believe it is said.
+#[test]
+fn legs_that_lean_every_way_tell_nothing() {
+    let worn = [Segment::LeftThigh];
+    let mut person = Person::new(&worn, NONE, 41);
+    let n_pose = person.stand(&JointAngles::default());
+    let round = |about: DVec3| DQuat::from_scaled_axis(about * 0.7);
+    let swung: Vec<SegmentPose> = (0..600)
+        .map(|n| {
+            let (sin, cos) = (f64::from(n) / 20.0).sin_cos();
+            let mut pose = JointAngles::default().to_pose(DVec3::ZERO, DQuat::IDENTITY);
+            pose.orientation[Segment::LeftThigh.index()] = round(DVec3::new(cos, sin, 0.0));
+            pose
+        })
+        .collect();
+    let swung = person.series(&swung);
+    for at_will in [&swung, &n_pose] {
+        let told = person.sensors(true);
+        let found = calibrate_by_all(&told, &n_pose, None, &[], Some(at_will)).expect("a strap");
+        assert_eq!(found.mounts[0].heading_by, HeadingBy::Strapping);
+        let untold = person.sensors(false);
+        let error = calibrate_by_all(&untold, &n_pose, None, &[], Some(at_will)).unwrap_err();
+        assert!(error.to_string().contains("left thigh"), "{error}");
+    }
 }
 
 /// Straps stay, but the sensors were switched off: their worlds begin elsewhere.

@@ -27,7 +27,7 @@
 
 use super::now::MOVEMENTS;
 use crate::body::worn::WornSensor;
-use crate::body::worn::calibrate::{Moved, calibrate};
+use crate::body::worn::calibrate::{Moved, calibrate_by_all};
 use crate::body::worn::kept::Kept;
 use crate::body::worn::strap::StrapDirection;
 use crate::body::{segment_name, segment_named};
@@ -44,6 +44,8 @@ use serde::Deserialize;
 const MAX_SAMPLES: usize = 4_000_000;
 /// Standard gravity, m/s^2.
 const GRAVITY_M_S2: f64 = 9.806_65;
+/// How segments lean is looked at once in this time, s.
+const AT_WILL_S: f64 = 0.05;
 /// Tesla of the unit in which fields are written.
 const MICROTESLA: f64 = 1e-6;
 
@@ -581,19 +583,20 @@ pub fn check_worn(series: &SensorSeries, declared: &DeclaredSensors) -> Result<(
         .allowed(known.join(", ")))
 }
 
-/// How the sensors sit, from the times in which somebody is declared to stand in N pose and to move; `None` if none
+/// How the sensors sit, from the times in which somebody is declared to stand in N pose and to move, and from all that was done since; `None` if none
 /// is said to be worn.
 ///
 /// # Errors
-/// Sensors that are worn without a time in N pose, an unknown segment or movement, and as [`calibrate`].
+/// Sensors that are worn without a time in N pose, an unknown segment or movement, and as [`calibrate_by_all`].
 pub fn calibrated(
     series: &SensorSeries,
     declared: &DeclaredSensors,
 ) -> Result<Option<Kept>, Error> {
-    let (mut worn, mut names) = (Vec::new(), Vec::new());
+    let (mut worn, mut names, mut measured) = (Vec::new(), Vec::new(), Vec::new());
     for sensor in &declared.sensor {
         let Some(segment) = &sensor.segment else { continue };
         let forward = sensor.forward.as_ref().map(StrapDirection::forward).transpose()?;
+        measured.push(sensor.forward.as_ref().is_some_and(StrapDirection::is_measured));
         worn.push(WornSensor { segment: segment_named(segment)?, forward: forward.flatten() });
         names.push(sensor.name.clone());
     }
@@ -626,6 +629,20 @@ pub fn calibrated(
         };
         moves.push(Moved { movement, orientation: said(moved.time_s) });
     }
-    let calibration = calibrate(&worn, &said(n_pose_s), None, &moves)?;
+    // All that was done from N pose on. Who told a direction, and not an axis, has measured it.
+    let mut at_will = Vec::new();
+    for (name, is_measured) in names.iter().zip(measured) {
+        let mut next_s = n_pose_s[0];
+        let mut of = Vec::new();
+        for moment in series.sensors.get(name).into_iter().flatten().filter(|_| !is_measured) {
+            let at_s = moment.taken_ns.saturating_sub(start_ns) as f64 / 1e9;
+            if let Some(orientation) = moment.orientation.filter(|_| at_s >= next_s) {
+                of.push(orientation);
+                next_s = at_s + AT_WILL_S;
+            }
+        }
+        at_will.push(of);
+    }
+    let calibration = calibrate_by_all(&worn, &said(n_pose_s), None, &moves, Some(&at_will))?;
     Ok(Some(Kept { subject: String::new(), made_unix_s: 0, sensors: names, calibration }))
 }

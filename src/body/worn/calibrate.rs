@@ -4,25 +4,38 @@
 //! follows from gravity. What is left is one angle about the vertical per sensor, which no single
 //! pose shows. It is told, best first,
 //!
-//! 1. by a movement: bowing, sitting down, bending knees and elbows turn segments about the body's
-//!    Y axis. The axis of the sensor's angular rate (principal components) is that axis;
+//! 1. by a movement: bowing, sitting down, bending knees and elbows lean segments forward or back.
+//!    What they lean about (principal components) is the body's Y axis;
 //! 2. by a second pose, for arms: from N to T pose they turn about the body's X axis;
-//! 3. by how the sensor was strapped on: the axis of it that was to point forward.
+//! 3. by all that was done, where nobody moved as asked: legs of whoever sits down or walks lean
+//!    forward and back more than to the sides;
+//! 4. by how the sensor was strapped on: the axis of it that was to point forward.
+//!
+//! How a segment leans is where the sensor has up, and not how fast it turns: flesh twists a sensor
+//! about the limb more and faster than anybody bends a knee, and whoever turns round leans nowhere.
 //!
 //! Whoever is calibrated faces the same way throughout; that way is +X of the world.
 
 use crate::body::Segment;
 use crate::error::Error;
 use crate::units::wrap_rad;
-use glam::{DMat3, DQuat, DVec3};
-use nalgebra::{Matrix3, SymmetricEigen};
+use glam::{DQuat, DVec2, DVec3};
+use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 
 /// A person who stands still moves less than this, rad, root mean square.
 pub(super) const STILL_RAD: f64 = 0.05;
-/// A movement is about one axis if the second principal component of its angular rate is below this
+/// A movement is about one axis if the second principal component of how a sensor leaned is below this
 /// share of the first.
 pub const CONSISTENT: f64 = 0.1;
-/// A movement turns a segment at least this far, rad.
+/// The same of all that somebody did who was asked for nothing.
+const LEANING: f64 = 0.3;
+/// It counts as often as a sensor leans otherwise by this, rad.
+const NEW_RAD: f64 = 0.05;
+/// And a strap is not believed to be off by more than this, rad.
+const STRAPPED_RAD: f64 = core::f64::consts::FRAC_PI_3;
+/// Who leans this much further one way than the other shows which way is forward.
+const SKEWED: f64 = 0.3;
+/// A movement leans a segment at least this far, rad.
 const LEAST_TURN_RAD: f64 = 0.35;
 /// An axis that is horizontal on a body is measured this near to it: the sine of its slope.
 const LEVEL: f64 = 0.35;
@@ -95,6 +108,8 @@ pub enum HeadingBy {
     Movement,
     /// The turn from N to T pose.
     TPose,
+    /// How it leaned while its wearer did what they liked.
+    Leaning,
     /// The way it was to be strapped on: as good as that was done.
     Strapping,
 }
@@ -106,6 +121,7 @@ impl HeadingBy {
         match self {
             Self::Movement => "movement",
             Self::TPose => "t_pose",
+            Self::Leaning => "leaning",
             Self::Strapping => "strapping",
         }
     }
@@ -113,7 +129,8 @@ impl HeadingBy {
     /// What a word means.
     #[must_use]
     pub fn from_word(word: &str) -> Option<Self> {
-        [Self::Movement, Self::TPose, Self::Strapping].into_iter().find(|by| by.word() == word)
+        let all = [Self::Movement, Self::TPose, Self::Leaning, Self::Strapping];
+        all.into_iter().find(|by| by.word() == word)
     }
 }
 
@@ -128,7 +145,7 @@ pub struct Mount {
     pub heading_rad: f64,
     /// How it was found.
     pub heading_by: HeadingBy,
-    /// Second over first principal component of the movement's angular rate.
+    /// Second over first principal component of how it leaned.
     pub consistency: Option<f64>,
     /// Heading by strapping minus the heading found, rad: how far the sensor sits from where it was
     /// to sit.
@@ -164,9 +181,25 @@ pub fn calibrate(
     t_pose: Option<&[Vec<DQuat>]>,
     moves: &[Moved],
 ) -> Result<Calibration, Error> {
+    calibrate_by_all(sensors, n_pose, t_pose, moves, None)
+}
+
+/// The same with all that sensors said while the person did `at_will`, evenly sampled: it tells headings of legs
+/// where no movement does.
+///
+/// # Errors
+/// As of [`calibrate`].
+pub fn calibrate_by_all(
+    sensors: &[WornSensor],
+    n_pose: &[Vec<DQuat>],
+    t_pose: Option<&[Vec<DQuat>]>,
+    moves: &[Moved],
+    at_will: Option<&[Vec<DQuat>]>,
+) -> Result<Calibration, Error> {
     let count = sensors.len();
     let fits = |lists: &[Vec<DQuat>]| lists.len() == count;
-    if !(fits(n_pose) && t_pose.is_none_or(fits) && moves.iter().all(|m| fits(&m.orientation))) {
+    let moves_fit = moves.iter().all(|moved| fits(&moved.orientation));
+    if !(fits(n_pose) && t_pose.is_none_or(fits) && at_will.is_none_or(fits) && moves_fit) {
         return Err(Error::new("there is not one series for every sensor")
             .allowed(format!("{count} series")));
     }
@@ -187,6 +220,11 @@ pub fn calibrate(
             Some((heading, HeadingBy::TPose, None))
         });
         let strapped = sensor.forward.and_then(|forward| by_strapping(standing, forward));
+        let found = found.or_else(|| {
+            let (heading, consistency) =
+                by_leaning(sensor.segment, standing, &at_will?[at], strapped)?;
+            Some((heading, HeadingBy::Leaning, Some(consistency)))
+        });
         let found = found.or_else(|| Some((strapped?, HeadingBy::Strapping, None)));
         let Some((heading_rad, heading_by, consistency)) = found else {
             return Err(Error::new("nothing tells which way a sensor faces").at(name).remedy(
@@ -313,12 +351,11 @@ pub(super) fn by_movement<'a>(
         let Some((_, sign)) = movement.turns().iter().find(|(turned, _)| *turned == segment) else {
             continue;
         };
-        match axis_of(standing, said) {
-            Ok((axis, consistency)) => {
-                let axis = axis * *sign;
-                let heading = core::f64::consts::FRAC_PI_2 - axis.y.atan2(axis.x);
-                if best.is_none_or(|(_, least)| consistency < least) {
-                    best = Some((wrap_rad(heading), consistency));
+        match forward_and_back(&ups(standing, said), CONSISTENT) {
+            Ok(leaning) => {
+                let heading = leaning.heading_rad(sign * leaning.mean);
+                if best.is_none_or(|(_, least)| leaning.consistency < least) {
+                    best = Some((heading, leaning.consistency));
                 }
             }
             Err(why) => notes.push(format!("{name}, {movement:?}: {why}; it was not used")),
@@ -327,40 +364,92 @@ pub(super) fn by_movement<'a>(
     best
 }
 
-/// The axis that a sensor turned about, in its own world, pointing so that the turn from standing
-/// to the far end is positive; and the second over the first principal component of its rate.
-fn axis_of(standing: DQuat, said: &[DQuat]) -> Result<(DVec3, f64), String> {
-    let mut spread = DMat3::ZERO;
-    for pair in said.windows(2) {
-        let step = pair[1] * pair[0].inverse();
-        let step = if step.w < 0.0 { -step } else { step }.to_scaled_axis();
-        if step.is_finite() {
-            spread += DMat3::from_cols(step * step.x, step * step.y, step * step.z);
+/// Heading of a leg's segment by how it leaned while somebody did what they liked, and its consistency. Which of the two
+/// ways is forward tells the strap, if anybody said how that was.
+fn by_leaning(
+    segment: Segment,
+    standing: DQuat,
+    said: &[DQuat],
+    strapped: Option<f64>,
+) -> Option<(f64, f64)> {
+    // Thighs are raised forward, shanks and feet trail behind.
+    let sign = match segment {
+        Segment::LeftThigh | Segment::RightThigh => -1.0,
+        Segment::LeftShank | Segment::RightShank => 1.0,
+        Segment::LeftFoot | Segment::RightFoot => 1.0,
+        _ => return None,
+    };
+    // Whoever sits for an hour shows no more by it than whoever sits down.
+    let mut new: Vec<DVec3> = Vec::new();
+    for up in ups(standing, said) {
+        if new.last().is_none_or(|last| up.angle_between(*last) > NEW_RAD) {
+            new.push(up);
         }
     }
-    let turn_of = |q: &DQuat| {
-        let turn = *q * standing.inverse();
-        if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis()
+    let leaning = forward_and_back(&new, LEANING).ok()?;
+    let heading_rad = match strapped {
+        Some(strapped) => {
+            let off = |heading_rad: &f64| wrap_rad(heading_rad - strapped).abs();
+            let ways = [1.0, -1.0].map(|way| leaning.heading_rad(way));
+            ways.into_iter().find(|heading_rad| off(heading_rad) <= STRAPPED_RAD)?
+        }
+        None if leaning.skew.abs() > SKEWED => leaning.heading_rad(sign * leaning.skew),
+        None => return None,
     };
-    let turns = said.iter().map(turn_of).filter(|turn| turn.is_finite());
-    let furthest = turns.max_by(|a, b| a.length().total_cmp(&b.length())).unwrap_or(DVec3::ZERO);
-    if !(furthest.length() >= LEAST_TURN_RAD) {
-        return Err(format!("it turned by {:.0} deg only", furthest.length().to_degrees()));
+    Some((heading_rad, leaning.consistency))
+}
+
+/// Where up is, in N pose's axes, of a sensor that has leaned since.
+fn ups(standing: DQuat, said: &[DQuat]) -> Vec<DVec3> {
+    let ups = said.iter().map(|q| standing * (q.inverse() * DVec3::Z));
+    ups.filter(|up| up.is_finite()).collect()
+}
+
+/// How a sensor leaned.
+struct Leaning {
+    /// What it leaned about most, level, in the sensor's own world as it was in N pose.
+    axis: DVec2,
+    /// How far to the sides of that, over how far about it.
+    consistency: f64,
+    /// Mean about the axis.
+    mean: f64,
+    /// How much further one way than the other, -1 to 1.
+    skew: f64,
+}
+
+impl Leaning {
+    /// Heading if the axis, or the other way if `way` is negative, is the body's Y.
+    fn heading_rad(&self, way: f64) -> f64 {
+        let axis = self.axis * way.signum();
+        wrap_rad(core::f64::consts::FRAC_PI_2 - axis.y.atan2(axis.x))
     }
-    let eigen = SymmetricEigen::new(Matrix3::from_column_slice(&spread.to_cols_array()));
-    let mut order = [0, 1, 2];
-    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let [first, second] = [order[0], order[1]].map(|at| eigen.eigenvalues[at].max(0.0).sqrt());
-    let consistency = second / first;
-    if !(consistency < CONSISTENT) {
-        return Err(format!("it turned about more than one axis (s2/s1 = {consistency:.2})"));
+}
+
+/// What a sensor leaned about, if it is one axis: to the sides less than `most` of how far it leaned about that.
+fn forward_and_back(ups: &[DVec3], most: f64) -> Result<Leaning, String> {
+    let furthest_rad = ups.iter().map(|up| up.z.clamp(-1.0, 1.0).acos()).fold(0.0, f64::max);
+    if !(furthest_rad >= LEAST_TURN_RAD) {
+        return Err(format!("it leaned by {:.0} deg only", furthest_rad.to_degrees()));
     }
-    let axis = eigen.eigenvectors.column(order[0]);
-    let axis = DVec3::new(axis[0], axis[1], axis[2]);
-    if !(axis.z.abs() <= LEVEL) {
-        return Err("the axis it turned about was not level".to_owned());
+    // A lean of an angle is its sine long.
+    let leans = || ups.iter().map(|up| DVec2::new(up.y, -up.x));
+    let spread = leans().fold(Matrix2::zeros(), |sum, lean| {
+        let lean = Vector2::new(lean.x, lean.y);
+        sum + lean * lean.transpose()
+    });
+    let eigen = SymmetricEigen::new(spread);
+    let (first, second) = if eigen.eigenvalues[0] > eigen.eigenvalues[1] { (0, 1) } else { (1, 0) };
+    let [along, aside] = [first, second].map(|at| eigen.eigenvalues[at].max(0.0).sqrt());
+    let consistency = aside / along;
+    if !(consistency < most) {
+        return Err(format!("it leaned about more than one axis (s2/s1 = {consistency:.2})"));
     }
-    Ok((axis * axis.dot(furthest).signum(), consistency))
+    let axis = eigen.eigenvectors.column(first);
+    let axis = DVec2::new(axis[0], axis[1]);
+    let mean = leans().map(|lean| lean.dot(axis)).sum();
+    let cubes = |of: fn(f64) -> f64| leans().map(|lean| of(lean.dot(axis)).powi(3)).sum::<f64>();
+    let skew = cubes(|lean| lean) / cubes(f64::abs);
+    Ok(Leaning { axis, consistency, mean, skew })
 }
 
 /// Name of a segment as a person says it.

@@ -34,6 +34,15 @@ impl StrapDirection {
             }
         }
     }
+
+    /// True of a direction that somebody measured, and not an axis that was to point forward.
+    #[must_use]
+    pub fn is_measured(&self) -> bool {
+        match self {
+            Self::Words(words) => words.contains(' '),
+            Self::Along(_) => true,
+        }
+    }
 }
 
 /// An axis, or what is so many degrees from one to another.
