@@ -24,6 +24,8 @@ use std::collections::BTreeMap;
 use virtual_wearer::{Performance, VirtualWearer};
 
 const RATE_HZ: f64 = 100.0;
+/// From one capture to the next, s. A filter takes whoever turns slowly for longer than that for somebody at rest, and the turn for a bias.
+const JOIN_S: f64 = 0.8;
 
 /// Looks at a body from moment to moment; who is doubted, and from when on.
 fn doubted(poses: impl Iterator<Item = SegmentPose>, worn: [bool; 13]) -> Vec<(f64, DoubtChange)> {
@@ -166,10 +168,9 @@ fn performs(seed: u64, lasts_s: f64, captures: &[Capture]) -> Performance {
     let mut performance = Performance::new();
     while performance.lasts_s() < lasts_s {
         let capture = &captures[random.random_range(0..captures.len())];
-        let count =
-            (capture.poses.len() as f64 / capture.rate_hz * virtual_wearer::POSES_HZ) as u32;
-        let at = |n| capture.at(f64::from(n) / virtual_wearer::POSES_HZ);
-        performance.go_on((0..count).map(at).collect());
+        let lasts_s = (capture.poses.len() - 1) as f64 / capture.rate_hz;
+        let motion = virtual_wearer::from_rest_to_rest(lasts_s, |at_s| capture.at(at_s));
+        performance.go_on(motion, JOIN_S);
     }
     performance
 }
@@ -210,7 +211,7 @@ fn virtual_persons_in_usual_sensors_are_hardly_ever_doubted() {
     }
     let is_long = std::env::var_os("GAITWAY_LONG").is_some();
     for (captures, what, most_an_hour) in
-        [(&captures[0], "everyday", 4.0), (&captures[1], "wild", f64::INFINITY)]
+        [(&captures[0], "everyday", 0.5), (&captures[1], "wild", f64::INFINITY)]
     {
         let sessions = if is_long { 300 } else { 10 };
         let (mut by_cause, mut seconds): (BTreeMap<String, u32>, f64) = Default::default();
@@ -333,7 +334,7 @@ fn what_faults_do_to_a_robot_is_bounded_and_printed() {
         let count =
             (capture.poses.len() as f64 / capture.rate_hz * virtual_wearer::POSES_HZ) as u32;
         let at = |n| capture.at(f64::from(n) / virtual_wearer::POSES_HZ);
-        performance.go_on((0..count).map(at).collect());
+        performance.go_on((0..count).map(at).collect(), 1.5);
         let clean = followed(&performance, &robot, None, How::Doubts);
         assert!(clean.changes.is_empty(), "{motion}: {:?}", clean.changes);
         let range: Vec<(f64, f64)> = (0..clean.joints[0].len())

@@ -17,8 +17,10 @@ pub const POSES_HZ: f64 = 120.0;
 pub const RATE_HZ: f64 = 100.0;
 /// So long the body stands in N pose first, and is calibrated at the end of that, s.
 pub const STANDS_S: f64 = 6.0;
+/// So long somebody takes to be as fast as a motion is.
+const EASES_S: f64 = 0.6;
 
-/// A motion after N pose: what follows is laid where the one before ended, facing as it did.
+/// A motion after N pose: what follows is laid where the one before ended, facing as it did, and is gone over to within so long.
 pub struct Performance {
     pub poses: Vec<SegmentPose>,
     body: Proportions,
@@ -36,7 +38,7 @@ impl Performance {
         self.poses.len() as f64 / POSES_HZ
     }
 
-    pub fn go_on(&mut self, mut motion: Vec<SegmentPose>) {
+    pub fn go_on(&mut self, mut motion: Vec<SegmentPose>, within_s: f64) {
         let (Some(last), Some(first)) = (self.poses.last().cloned(), motion.first().cloned())
         else {
             return;
@@ -52,14 +54,46 @@ impl Performance {
             pose.root_m = at_m + turn * (pose.root_m - from_m);
             pose.orientation.iter_mut().for_each(|q| *q = turn * *q);
         }
-        let count = (1.5 * POSES_HZ) as usize;
+        let count = (within_s * POSES_HZ) as usize;
         for n in 1..count {
             let t = n as f64 / count as f64;
             let share = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
-            self.poses.push(last.towards(&motion[0], share));
+            self.poses.push(on_its_way(&last, &motion[0], share));
         }
         self.poses.append(&mut motion);
     }
+}
+
+/// A body on its way from one pose to another: each segment turns on what carries it, as joints do. Turned in the world each by itself,
+/// arms would go through elbows that are bent backward.
+fn on_its_way(from: &SegmentPose, to: &SegmentPose, share: f64) -> SegmentPose {
+    let mut pose = from.towards(to, share);
+    for segment in Segment::ALL {
+        let Some(above) = segment.parent().map(Segment::index) else { continue };
+        let at = segment.index();
+        let [turned, will_be] =
+            [from, to].map(|pose| pose.orientation[above].inverse() * pose.orientation[at]);
+        let will_be = if turned.dot(will_be) < 0.0 { -will_be } else { will_be };
+        pose.orientation[at] = pose.orientation[above] * turned.slerp(will_be, share);
+    }
+    pose
+}
+
+/// A motion from its beginning to its end, `lasts_s` long, at [`POSES_HZ`], begun from rest and ended at rest: nobody runs from one moment
+/// to the next.
+pub fn from_rest_to_rest(lasts_s: f64, at: impl Fn(f64) -> SegmentPose) -> Vec<SegmentPose> {
+    let eases_s = EASES_S.min(lasts_s);
+    let all_s = lasts_s + eases_s;
+    let done_s = |since_s: f64| {
+        let part = (since_s / eases_s).min(1.0);
+        eases_s * part.powi(3) * (1.0 - 0.5 * part) + (since_s - eases_s).max(0.0)
+    };
+    let time_s = |now_s: f64| match now_s < 0.5 * all_s {
+        true => done_s(now_s),
+        false => lasts_s - done_s(all_s - now_s),
+    };
+    let count = (all_s * POSES_HZ) as u32;
+    (0..=count).map(|n| at(time_s(f64::from(n) / POSES_HZ))).collect()
 }
 
 /// What a sensor gets wrong all the time.
