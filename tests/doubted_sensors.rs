@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 use virtual_wearer::{Performance, VirtualWearer};
 
 const RATE_HZ: f64 = 100.0;
-/// From one capture to the next, s. A filter takes whoever turns slowly for longer than that for somebody at rest, and the turn for a bias.
+/// From one capture to the next, s. Slower joins are doubted more often in long sessions: see docs/decisions.md.
 const JOIN_S: f64 = 0.8;
 
 /// Looks at a body from moment to moment; who is doubted, and from when on.
