@@ -156,7 +156,7 @@ fn found_in(trial: &Trial) -> Vec<Artefact> {
 #[test]
 fn what_is_wrong_is_found_in_real_trials_and_nothing_where_nothing_is() {
     let Some(trials) = trials() else { return };
-    let count = if is_long() { 200 } else { 20 };
+    let count = if is_long() { 200 } else { 40 };
     println!("| trial | artefact | size | found | 95 % | rightly named | others |");
     for (name, whole) in trials {
         assert_eq!(found_in(&whole), [], "{name} has nothing wrong");
