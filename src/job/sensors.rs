@@ -5,8 +5,9 @@ pub use crate::capture::Mode;
 
 use super::report::Outcome;
 use super::table_text::text_of;
-use crate::body::Proportions;
 use crate::body::worn::kept::Kept;
+use crate::body::worn::{HeadingBy, Mount};
+use crate::body::{Proportions, segment_name};
 use crate::draft;
 use crate::error::{Error, ErrorKind, counted, either};
 use crate::mocap::opensim;
@@ -135,6 +136,7 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
                 None => body_of(&metadata)?,
             };
             notes.extend(kept.calibration.notes.iter().cloned());
+            notes.push(facing(&kept));
             let motion = WornMotion::of(&series, &kept, body, order.rate_hz).map_err(in_file)?;
             let not_worn = motion.not_worn();
             if !not_worn.is_empty() {
@@ -337,6 +339,18 @@ fn one(path: &Path) -> Result<SensorSeries, Error> {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = stem.rsplit('_').next().unwrap_or_default();
     tables::of_xsens(&text_of(path)?, name).map_err(|error| error.in_file(path))
+}
+
+/// What told which way each sensor faces, and how far its strap was off.
+fn facing(kept: &Kept) -> String {
+    let one = |mount: &Mount| {
+        let off = mount.strapped_off_rad.filter(|_| mount.heading_by != HeadingBy::Strapping);
+        let off = off.map(|rad| format!(", strap {:.0} deg off", rad.to_degrees().abs()));
+        let (segment, by) = (segment_name(mount.segment), mount.heading_by.word());
+        format!("{segment} ({by}{})", off.unwrap_or_default())
+    };
+    let all: Vec<String> = kept.calibration.mounts.iter().map(one).collect();
+    format!("told which way a sensor faces: {}", all.join(", "))
 }
 
 /// How the sensors were worn: as asked for, as declared, as recorded.

@@ -111,7 +111,7 @@ impl DeclaredSensors {
     /// Reads the text of a file.
     ///
     /// # Errors
-    /// Another format, a unit or axis that is none, a sensor named twice.
+    /// Another format, a unit, axis, segment or direction that is none, a sensor named twice.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let declared: Self = from_toml(text).map_err(|cause| {
             wrong("not a declaration of sensors", cause.to_string().trim(), "see docs/capture.md")
@@ -124,6 +124,7 @@ impl DeclaredSensors {
             sensor.turn().map_err(in_sensor)?;
             sensor.rate_factor().map_err(in_sensor)?;
             sensor.acceleration_factor().map_err(in_sensor)?;
+            sensor.worn().map_err(in_sensor)?;
         }
         if declared.rate_hz.is_some_and(|rate_hz| !(0.1..=10_000.0).contains(&rate_hz)) {
             return Err(wrong(
@@ -164,6 +165,13 @@ impl DeclaredSensors {
 }
 
 impl DeclaredSensor {
+    /// Where it is worn and what of it points forward; `None` if it is not worn.
+    fn worn(&self) -> Result<Option<WornSensor>, Error> {
+        let forward = self.forward.as_ref().map(StrapDirection::forward).transpose()?.flatten();
+        let segment = self.segment.as_deref().map(segment_named).transpose()?;
+        Ok(segment.map(|segment| WornSensor { segment, forward }))
+    }
+
     /// What takes vectors in the table's axes to the sensor's.
     fn turn(&self) -> Result<DMat3, Error> {
         let Some([x, y, z]) = &self.axes else { return Ok(DMat3::IDENTITY) };
@@ -583,8 +591,8 @@ pub fn check_worn(series: &SensorSeries, declared: &DeclaredSensors) -> Result<(
         .allowed(known.join(", ")))
 }
 
-/// How the sensors sit, from the times in which somebody is declared to stand in N pose and to move, and from all that was done since; `None` if none
-/// is said to be worn.
+/// How the sensors sit, from the times in which somebody is declared to stand in N pose and to move, and from all that was done
+/// since; `None` if none is said to be worn.
 ///
 /// # Errors
 /// Sensors that are worn without a time in N pose, an unknown segment or movement, and as [`calibrate_by_all`].
@@ -594,10 +602,9 @@ pub fn calibrated(
 ) -> Result<Option<Kept>, Error> {
     let (mut worn, mut names, mut measured) = (Vec::new(), Vec::new(), Vec::new());
     for sensor in &declared.sensor {
-        let Some(segment) = &sensor.segment else { continue };
-        let forward = sensor.forward.as_ref().map(StrapDirection::forward).transpose()?;
+        let Some(of) = sensor.worn()? else { continue };
         measured.push(sensor.forward.as_ref().is_some_and(StrapDirection::is_measured));
-        worn.push(WornSensor { segment: segment_named(segment)?, forward: forward.flatten() });
+        worn.push(of);
         names.push(sensor.name.clone());
     }
     if worn.is_empty() {

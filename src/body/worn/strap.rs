@@ -39,7 +39,7 @@ impl StrapDirection {
     #[must_use]
     pub fn is_measured(&self) -> bool {
         match self {
-            Self::Words(words) => words.contains(' '),
+            Self::Words(words) => words.split_whitespace().nth(1).is_some(),
             Self::Along(_) => true,
         }
     }

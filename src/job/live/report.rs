@@ -97,9 +97,9 @@ pub struct MountReport {
     pub segment: &'static str,
     /// Its name.
     pub sensor: String,
-    /// How its heading was found: `movement`, `t_pose` or `strapping`.
+    /// How its heading was found: `movement`, `t_pose`, `leaning` or `strapping`.
     pub heading_by: &'static str,
-    /// Second over first principal component of the movement's angular rate.
+    /// Second over first principal component of how it leaned.
     pub consistency: Option<f64>,
     /// Heading by strapping minus the heading found, rad.
     pub strapped_off_rad: Option<f64>,

@@ -89,7 +89,8 @@ fn feet_that_may_not_step_stay_and_the_rest_is_done() {
     let op3 = op3();
     let mut series = leg_drawn_up(&op3);
     let elbow = op3.joint("l_el");
-    series[elbow].iter_mut().enumerate().for_each(|(at, angle)| *angle = -0.01 * at as f64);
+    // Slowly: while an arm is still on its way to the first pose no foot is lifted anyhow.
+    series[elbow].iter_mut().enumerate().for_each(|(at, angle)| *angle = -0.003 * at as f64);
     let of = moved(&op3, &series, FeetMay::Stay, 1.0);
     assert_eq!(of.lifts, Lifts::default());
     assert!(of.footfalls.iter().all(|of| of.touches == Some([true; 2])));
@@ -98,7 +99,7 @@ fn feet_that_may_not_step_stay_and_the_rest_is_done() {
         assert!(*inside_m > 0.008, "{at}: {inside_m}");
     }
     let went = of.angles_rad[elbow].last().expect("poses");
-    assert!((went + 1.2).abs() < 0.02, "{went}");
+    assert!((went + 0.36).abs() < 0.02, "{went}");
 }
 
 #[test]
