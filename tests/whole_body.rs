@@ -44,25 +44,35 @@ fn folder() -> PathBuf {
 
 /// The table of a motion on OP3, and what is said of it; nothing if it is refused.
 fn retargeted(motion: &str, name: &str) -> Option<(PathBuf, Value)> {
-    retargeted_with(motion, name, &[])
+    retargeted_on("op3", motion, name, &[])
 }
 
 /// The same of one that may fall rather than wait for its feet.
 fn as_it_falls(motion: &str, name: &str) -> Option<(PathBuf, Value)> {
-    retargeted_with(motion, name, &["--allow-fall"])
+    retargeted_on("op3", motion, name, &["--allow-fall"])
 }
 
-fn retargeted_with(motion: &str, name: &str, more: &[&str]) -> Option<(PathBuf, Value)> {
+fn retargeted_on(robot: &str, motion: &str, name: &str, more: &[&str]) -> Option<(PathBuf, Value)> {
     let table = folder().join(format!("{name}.csv"));
     let mut command = program::gaitway();
-    command.args(["retarget", motion, "--robot", "op3", "--rate", "100", "--json", "--force"]);
+    command.args(["retarget", motion, "--robot", robot, "--rate", "100", "--json", "--force"]);
     let output = command.args(more).arg("-o").arg(&table).output().expect("the command");
     let report = output.status.success();
     report.then(|| (table, serde_json::from_slice(&output.stdout).expect("JSON")))
 }
 
-/// When each falls under each condition, s, by motion; nothing if there is no MuJoCo.
+/// When each falls under each condition on OP3, s, by motion; nothing if there is no MuJoCo.
 fn judged(tables: &[PathBuf], conditions: &[Condition]) -> Option<Vec<Vec<Option<f64>>>> {
+    let model = captured::captured("robots")?.join("robotis_op3/robotis_op3_lite.xml");
+    judged_on(&model, tables, conditions)
+}
+
+/// The same on a model, or a robot's file with its servos.
+fn judged_on(
+    model: &Path,
+    tables: &[PathBuf],
+    conditions: &[Condition],
+) -> Option<Vec<Vec<Option<f64>>>> {
     let python = match python::python() {
         Ok(python) => python,
         Err(cause) => {
@@ -70,7 +80,6 @@ fn judged(tables: &[PathBuf], conditions: &[Condition]) -> Option<Vec<Vec<Option
             return None;
         }
     };
-    let model = captured::captured("robots")?.join("robotis_op3/robotis_op3_lite.xml");
     let run = |table: &PathBuf, of: &Condition| json!([table, of.1, of.2, of.3, of.4, of.5]);
     let runs: Vec<Value> =
         tables.iter().flat_map(|table| conditions.iter().map(move |of| run(table, of))).collect();
@@ -148,6 +157,85 @@ fn what_would_fall_stays_up_if_its_person_waits_for_the_robots_feet() {
     assert_eq!(all, [[None; 3]; 3]);
     let fell = judged(&falling, &[AS_IT_IS]).expect("judged before");
     assert!(fell.iter().all(|fell| fell[0].is_some()), "{fell:?}");
+}
+
+fn robot_file(robot: &str) -> PathBuf {
+    let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("firmware-profiles/robots");
+    robots.join(format!("{robot}.toml"))
+}
+
+/// What is said of falls is held against MuJoCo's own model of the robot's file, with its servos.
+fn falls_as_is_said(robot: &str, motions: &[(&str, bool)]) {
+    let (mut tables, mut said) = (Vec::new(), Vec::new());
+    for (motion, falls) in motions {
+        let (table, report) =
+            retargeted_on(robot, motion, &format!("{robot}-{motion}"), &["--allow-fall"])
+                .expect("a table");
+        let fall = report["metrics"]["predicted_fall_s"].is_number();
+        assert_eq!(fall, *falls, "{robot} {motion}: {}", report["metrics"]);
+        tables.push(table);
+        said.push(fall);
+    }
+    let Some(all) = judged_on(&robot_file(robot), &tables, &[AS_IT_IS]) else { return };
+    let fell: Vec<bool> = all.iter().map(|fell| fell[0].is_some()).collect();
+    assert_eq!(fell, said, "{robot}: {motions:?} {all:?}");
+}
+
+#[test]
+fn a_toddlerbot_falls_and_stays_as_its_servos_let_it_each_by_its_own() {
+    falls_as_is_said("toddlerbot", &[("bow", false), ("wave-r", false), ("hop-l", true)]);
+}
+
+#[test]
+fn an_open_duck_stays() {
+    falls_as_is_said("open-duck-mini-v2", &[("squat", false)]);
+}
+
+#[test]
+fn a_robot_whose_servos_do_not_hold_it_up_is_said_not_to_stand_and_what_would_help() {
+    falls_as_is_said("berkeley-humanoid-lite", &[("wave-r", true)]);
+    let robot = "berkeley-humanoid-lite";
+    let (_, report) = retargeted_on(robot, "bow", "too-soft", &[]).expect("a table");
+    assert!(report["metrics"]["still_fall_s"].is_number(), "{}", report["metrics"]);
+    let notes = report["notes"].to_string();
+    assert!(notes.contains("does not stand on its own feet"), "{notes}");
+    let (_, hung) = retargeted_on(robot, "bow", "hung", &["--hang"]).expect("a table");
+    assert_eq!(hung["metrics"]["still_fall_s"], Value::Null);
+    assert!(!hung["notes"].to_string().contains("its own feet"), "{}", hung["notes"]);
+}
+
+#[test]
+fn a_robot_that_would_fall_on_its_way_to_the_first_pose_takes_longer_for_it() {
+    let Some(captures) = captured::captured("mocap/bvh") else { return };
+    let wave = captured::bvh_files(&captures)
+        .into_iter()
+        .find(|path| path.ends_with("left_hand_wave.bvh"))
+        .expect("a wave");
+    let wave = wave.to_str().expect("a path");
+    let (table, report) = retargeted_on("toddlerbot", wave, "calmer", &[]).expect("a table");
+    assert_eq!(report["metrics"]["predicted_fall_s"], Value::Null);
+    let approach_s = report["approach_s"].as_f64().expect("a number");
+    let (_, hung) = retargeted_on("toddlerbot", wave, "usual", &["--hang"]).expect("a table");
+    let usual_s = hung["approach_s"].as_f64().expect("a number");
+    assert!(approach_s > 1.5 * usual_s, "{approach_s} {usual_s}");
+    let Some(all) = judged_on(&robot_file("toddlerbot"), &[table], &[AS_IT_IS]) else { return };
+    assert_eq!(all, [[None]]);
+}
+
+#[test]
+fn an_action_in_which_a_robot_would_be_in_itself_is_moved_and_no_other() {
+    for (robot, motion, more, is_moved) in [
+        ("toddlerbot", "wave-r", &[][..], true),
+        ("toddlerbot", "wave-r", &["--hang"], true),
+        ("op3", "bow", &["--hang"], false),
+    ] {
+        let name = format!("apart-{robot}-{motion}-{}", more.len());
+        let (_, report) = retargeted_on(robot, motion, &name, more).expect("a table");
+        let metrics = &report["metrics"];
+        assert_eq!(metrics["self_collision_share"], 0.0, "{robot} {motion}");
+        let notes = report["notes"].to_string();
+        assert_eq!(notes.contains("moved so that"), is_moved, "{robot} {motion}: {notes}");
+    }
 }
 
 /// Falls of a virtual robot with weight, whose own servos move it, beside those of MuJoCo's, on another's servos.

@@ -13,7 +13,7 @@ pub use actuator::{Actuator, CanLine, Dialect, Gear, Ranges, Timeout, TimeoutKin
 pub use board::{Board, BoardImu};
 pub use body::{
     BalanceJoint, BaseKind, Body, BodyBalance, BodyBox, BodyCapsule, BodyImu, BodyLink, BodyMesh,
-    BodyServos, CoupledJoint, CoupledTo, WhenFallen,
+    BodyServos, CoupledJoint, CoupledTo, OtherServos, WhenFallen, Yielding,
 };
 pub use line::{CanSpeed, Line, LineKind};
 pub use sensor::{

@@ -518,6 +518,33 @@ fn berkeley_humanoid_lite_has_its_makers_limbs_and_hangs_its_arms_in_n_pose() {
 }
 
 #[test]
+fn op2_weighs_what_its_maker_says_and_starts_over_its_soles() {
+    let op2 = robot("op2").unwrap();
+    let placed = links(&op2, |joint| op2.joint(joint).unwrap().initial_rad());
+    let (mut mass_kg, mut moment, mut sole) = (0.0, [0.0; 3], Vec::new());
+    for link in &op2.body.as_ref().expect("a body").links {
+        let at = |point: Vector| {
+            link.joint.as_ref().map_or(point, |joint| {
+                let (origin, turn) = &placed[joint];
+                add(*origin, apply(turn, point))
+            })
+        };
+        mass_kg += link.mass_kg;
+        moment = add(moment, at(link.centre_m).map(|v| v * link.mass_kg));
+        sole.extend(link.sole_m.iter().flatten().map(|corner| at(*corner)));
+    }
+    // The e-Manual: 2.9 kg.
+    assert!((mass_kg - 2.9).abs() < 0.05, "{mass_kg}");
+    let [x, y, _] = moment.map(|v| v / mass_kg);
+    assert!(y.abs() < 0.002, "{y}");
+    assert_eq!(sole.len(), 8);
+    let heel = sole.iter().map(|v| v[0]).fold(f64::MAX, f64::min);
+    let toe = sole.iter().map(|v| v[0]).fold(f64::MIN, f64::max);
+    assert!(x - heel > 0.03 && toe - x > 0.03, "{heel} {x} {toe}");
+    assert!(sole.iter().all(|v| (v[2] - sole[0][2]).abs() < 1e-4), "level");
+}
+
+#[test]
 fn berkeley_humanoid_lite_has_two_arms_and_two_legs_on_lines_of_their_own() {
     let lite = robot("berkeley-humanoid-lite").unwrap();
     let ids = |line| lite.joints_on(line).map(|joint| joint.id).collect::<Vec<_>>();

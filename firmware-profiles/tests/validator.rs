@@ -824,6 +824,35 @@ fn balance_takes_little_of_joints_that_are_there_and_needs_somebody_who_feels() 
 }
 
 #[test]
+fn servos_of_a_body_give_way_by_numbers_that_something_can_have_each_joint_by_its_own() {
+    let text = gaitway_profiles::robot_text("toddlerbot").unwrap();
+    let refuse = |from: &str, to: &str, what: &str, place: &str| {
+        refused(parse_robot("toddlerbot.toml", &changed(&text, from, to)), what, place);
+    };
+    let of = |key: &str| format!("body, servos, {key}");
+    refuse("friction_nm = 0.292", "friction_nm = -0.1", "does not push itself", &of("friction_nm"));
+    let first = |key: &str| of(&format!("other 1, {key}"));
+    let neck = "joints = [\"neck_yaw\"]\nstiffness_nm_rad = 14.1797";
+    let with = |joints: &str| format!("joints = [{joints}]\nstiffness_nm_rad = 14.1797");
+    refuse(neck, &with(""), "names no joint", &first("joints"));
+    refuse(neck, &with("\"tail\""), "no such joint", &first("joints"));
+    refuse(neck, &with("\"neck_yaw\", \"neck_yaw\""), "stands once", &first("joints"));
+    refuse(neck, &with("\"neck_pitch\""), "stands once", &of("other 2, joints"));
+    refuse(
+        "stiffness_nm_rad = 14.1797",
+        "stiffness_nm_rad = 0",
+        "above zero",
+        &first("stiffness_nm_rad"),
+    );
+    let servos = parse_robot("toddlerbot.toml", &text).unwrap().body.unwrap().servos.unwrap();
+    let [knee, neck, hand] =
+        ["left_knee", "neck_yaw", "left_wrist_roll"].map(|name| servos.of(name));
+    assert_eq!((knee.stiffness_nm_rad, knee.friction_nm), (21.0938, 0.134));
+    assert_eq!((neck.stiffness_nm_rad, neck.torque_nm), (14.1797, 1.089));
+    assert_eq!(hand, servos.usual());
+}
+
+#[test]
 fn a_board_says_where_six_signed_words_stand_and_speaks_dynamixel_2() {
     let board = include_str!("../boards/opencr-op3.toml");
     let refuse = |from: &str, to: &str, what: &str, place: &str| {

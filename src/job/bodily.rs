@@ -4,7 +4,7 @@ use super::source::RobotMotion;
 use crate::error::Error;
 use crate::job::model::robot_model;
 use crate::motion::retime::needs;
-use crate::motion::{JointLimits, Path, Plan, Setpoint};
+use crate::motion::{JointLimits, Path, Plan, PlanOptions, Setpoint, plan};
 use crate::retarget::base::BasePath;
 use crate::retarget::figures::{BodyMotion, Original, figures};
 use crate::retarget::{BodyFigures, PaceNeed, PeakEffort, SlowStretch};
@@ -26,9 +26,26 @@ pub(super) const WOULD_FALL: &str = "a robot on its own feet would fall in this 
 pub(super) const INSTEAD: &str = "--hang if it hangs on a stand, --only for some joints, --speed for a slower \
                                   motion, --allow-fall to let it fall";
 
-/// A line about a fall that is predicted.
-pub(super) fn fall_note(at_s: f64) -> String {
-    format!("{WOULD_FALL}, at {at_s:.1} s, and a real one is not sent there: {INSTEAD}")
+/// A robot that does not even stand.
+pub(super) const TOO_SOFT: &str =
+    "with servos as its file has them ([body.servos]) the robot does not stand on its own feet";
+/// What helps such a robot.
+pub(super) const STIFFER: &str =
+    "stiffer gains in its servos, and these in [body.servos] of a robot file of your own";
+
+/// A line about a fall that is predicted, if one is.
+pub(super) fn fall_note(figures: &BodyFigures) -> Option<String> {
+    let at_s = figures.predicted_fall_s?;
+    let told = match figures.still_fall_s {
+        Some(still_s) => format!(
+            "{TOO_SOFT}, and would fall at {still_s:.1} s without any motion: --hang if it hangs on a stand, --only for some \
+             joints, or {STIFFER}"
+        ),
+        None => {
+            format!("{WOULD_FALL}, at {at_s:.1} s, and a real one is not sent there: {INSTEAD}")
+        }
+    };
+    Some(told)
 }
 
 /// A line about a fall with soft servos, of who stays with those it has.
@@ -47,6 +64,52 @@ pub(super) fn weak_note(figures: &BodyFigures) -> Option<String> {
             "{joint} would have to give {share:.1} times what its servo has, at {at_s:.1} s: it will not follow there"
         )
     })
+}
+
+/// If the robot would fall on its way to the first pose, that way takes so many times as long, tried in this order.
+const CALMER: [f64; 2] = [2.0, 4.0];
+/// Whoever falls within this time after the way to the first pose falls because of it, s.
+const TIPS_S: f64 = 1.0;
+
+/// A motion that was laid, and what it does to all of the robot.
+pub(super) struct Laid {
+    pub(super) planned: Plan,
+    pub(super) base: Option<BasePath>,
+    pub(super) figures: BodyFigures,
+}
+
+/// Lays a motion from this pose of the robot's joints, rad, and looks at it. If the robot would fall on its way to the first pose, that
+/// way takes longer; if that does not help, it does not.
+///
+/// # Errors
+/// As [`plan`] and [`look`].
+pub(super) fn laid(
+    robot: &Robot,
+    start_rad: &[f64],
+    motion: &RobotMotion,
+    options: PlanOptions,
+    hangs: bool,
+) -> Result<Laid, Error> {
+    let path = motion.path_from(robot, start_rad)?;
+    let calmly = |calm: f64| {
+        let planned = plan(start_rad, &path, &robot.limits(), PlanOptions { calm, ..options })?;
+        let asked = path.stretched(1.0 / options.speed);
+        let (base, figures) = look(robot, motion, &asked, &planned, hangs)?;
+        Ok::<_, Error>(Laid { planned, base, figures })
+    };
+    let usual = calmly(1.0)?;
+    let Laid { planned, figures, .. } = &usual;
+    let falls_s = figures.predicted_fall_s.filter(|_| figures.still_fall_s.is_none());
+    let tips_s = planned.approach_s + TIPS_S;
+    if planned.approach_s > 0.0 && falls_s.is_some_and(|at_s| at_s < tips_s) {
+        for calm in CALMER {
+            let calmer = calmly(calm)?;
+            if calmer.figures.predicted_fall_s.is_none() {
+                return Ok(calmer);
+            }
+        }
+    }
+    Ok(usual)
 }
 
 /// Looks at a planned motion, once through if it is played several times: the base, if the robot has a body,

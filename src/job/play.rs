@@ -1,6 +1,6 @@
 //! `play`: from a motion to a moving robot, and what came of it. The whole job, in order.
 
-use super::bodily;
+use super::bodily::{self, Laid};
 use super::observer::{Event, Meter, Observer, Progress};
 use super::page::RobotScene;
 use super::pending::unless_stopped;
@@ -16,7 +16,7 @@ use crate::control::{
     balance, inject, net,
 };
 use crate::error::{Error, ErrorKind, counted};
-use crate::motion::{self, Plan, PlanOptions, Setpoint, Trajectory, plan};
+use crate::motion::{Plan, PlanOptions, Setpoint, Trajectory};
 use crate::retarget::base::BasePath;
 use crate::rig::{Address, Connection, calibrated, connect, patience_words};
 use crate::robot::preflight::{Preflight, preflight};
@@ -404,34 +404,39 @@ pub(super) fn prepare(
     report: &mut PlayReport,
 ) -> Result<Prepared, Error> {
     let robot = &laid_for(connection.link.robot(), options)?;
-    let (planned, (base, metrics), foreseen) = {
+    let (Laid { planned, base, figures: metrics, .. }, foreseen) = {
         let (robot, start_rad) = (robot.clone(), found.start_rad.clone());
         let (motion, options) = (motion.clone(), options.clone());
         let looks = observer.looks();
         unless_stopped(observer, move || {
-            let (path, planned) = plan_from(&robot, &start_rad, &motion, &options)?;
-            let asked = path.stretched(1.0 / options.speed);
-            let looked = bodily::look(&robot, &motion, &asked, &planned, options.hangs)?;
+            let how = PlanOptions {
+                speed: options.speed,
+                retime: options.retime.unwrap_or(motion.of_person),
+                approach: options.approach,
+                rounds: options.rounds.planned(),
+                ..PlanOptions::default()
+            };
+            let laid = bodily::laid(&robot, &start_rad, &motion, how, options.hangs)?;
             let foreseen = || {
                 let drawn = RobotScene {
                     robot: &robot,
                     motion: &motion,
-                    planned: &planned,
+                    planned: &laid.planned,
                     speed: options.speed,
-                    base: looked.0.as_ref(),
-                    metrics: &looked.1,
-                    series: &Series::planned(&planned, robot.file.rate_hz),
+                    base: laid.base.as_ref(),
+                    metrics: &laid.figures,
+                    series: &Series::planned(&laid.planned, robot.file.rate_hz),
                 };
                 drawn.foreseen()
             };
             let foreseen = if looks { foreseen()? } else { Vec::new() };
-            Ok((planned, looked, foreseen))
+            Ok((laid, foreseen))
         })?
     };
     describe_plan(report, connection.link.robot(), &planned, motion);
     report.metrics = Some(metrics.clone());
-    if let Some(at_s) = metrics.predicted_fall_s.filter(|_| !options.allow_fall) {
-        may_fall(at_s, connection.world.is_some() || options.dry_run, report)?;
+    if !options.allow_fall {
+        may_fall(&metrics, connection.world.is_some() || options.dry_run, report)?;
     }
     report.notes.extend(bodily::soft_note(&metrics));
     report.notes.extend(bodily::weak_note(&metrics));
@@ -442,16 +447,27 @@ pub(super) fn prepare(
 ///
 /// # Errors
 /// A real robot is not sent there.
-fn may_fall(at_s: f64, is_virtual: bool, report: &mut PlayReport) -> Result<(), Error> {
+fn may_fall(figures: &BodyFigures, is_virtual: bool, report: &mut PlayReport) -> Result<(), Error> {
+    let Some(at_s) = figures.predicted_fall_s else { return Ok(()) };
     if is_virtual {
-        report.notes.push(bodily::fall_note(at_s));
+        report.notes.extend(bodily::fall_note(figures));
         return Ok(());
     }
-    Err(Error::of(ErrorKind::OutsideLimits, bodily::WOULD_FALL)
-        .at(format!("{at_s:.2} s"))
-        .got("its weight leaves its soles for too long, or its servos give way too far")
-        .allowed("weight over the soles, but for short moments")
-        .remedy(bodily::INSTEAD))
+    Err(match figures.still_fall_s {
+        Some(still_s) => Error::of(ErrorKind::OutsideLimits, bodily::TOO_SOFT)
+            .at(format!("{still_s:.2} s, without any motion"))
+            .got("servos that give way more than its weight does on its soles")
+            .allowed("a robot that stands by itself")
+            .remedy(format!(
+                "--hang if it hangs on a stand, --only for some joints, or {}",
+                bodily::STIFFER
+            )),
+        None => Error::of(ErrorKind::OutsideLimits, bodily::WOULD_FALL)
+            .at(format!("{at_s:.2} s"))
+            .got("its weight leaves its soles for too long, or its servos give way too far")
+            .allowed("weight over the soles, but for short moments")
+            .remedy(bodily::INSTEAD),
+    })
 }
 
 /// A wish to stop that comes before torque is on is fulfilled by never switching it on.
@@ -528,24 +544,6 @@ fn rooms_rad(robot: &Robot, trajectory: &Trajectory) -> Vec<f64> {
         }
     }
     rooms_rad.iter().map(|room_rad| room_rad - BETWEEN_RAD).collect()
-}
-
-/// Lays the motion from where the robot stands. Joints it does not drive stay there.
-fn plan_from(
-    robot: &Robot,
-    start_rad: &[f64],
-    motion: &RobotMotion,
-    options: &Options,
-) -> Result<(motion::Path, Plan), Error> {
-    let path = motion.path_from(robot, start_rad)?;
-    let options = PlanOptions {
-        speed: options.speed,
-        retime: options.retime.unwrap_or(motion.of_person),
-        approach: options.approach,
-        rounds: options.rounds.planned(),
-    };
-    let planned = plan(start_rad, &path, &robot.limits(), options)?;
-    Ok((path, planned))
 }
 
 /// Says in the report what was planned, joint by joint.

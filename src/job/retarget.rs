@@ -3,7 +3,7 @@
 mod bvh;
 mod learners;
 
-use super::bodily;
+use super::bodily::{self, Laid};
 use super::model::robot_model;
 use super::observer::Observer;
 use super::page::{RobotScene, page};
@@ -17,7 +17,7 @@ use crate::draft;
 use crate::error::{Error, ErrorKind};
 use crate::mocap;
 use crate::mocap::anatomy::Capture;
-use crate::motion::{Plan, PlanOptions, Setpoint, plan};
+use crate::motion::{Plan, PlanOptions, Setpoint};
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{BaseRecord, CycleRecord, JointRecord, Recorder, RunEnd, RunStart};
 use crate::retarget::BodyFigures;
@@ -104,10 +104,8 @@ impl Retargeted {
             retime: order.retime.unwrap_or(loaded.of_person),
             ..PlanOptions::default()
         };
-        let path = loaded.path_from(&robot, &start_rad)?;
-        let planned = plan(&start_rad, &path, &robot.limits(), options)?;
-        let asked = path.stretched(1.0 / order.speed);
-        let (base, metrics) = bodily::look(&robot, &loaded, &asked, &planned, order.hangs)?;
+        let Laid { planned, base, figures: metrics, .. } =
+            bodily::laid(&robot, &start_rad, &loaded, options, order.hangs)?;
         let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
         let bytes = match order.kind {
             TrajectoryFile::Csv => Some(csv(&planned, base.as_ref(), rate_hz)?),
@@ -136,8 +134,7 @@ impl Retargeted {
             let (motion, planned, metrics, series) = (&loaded, &planned, &metrics, &series);
             RobotScene { robot, motion, planned, speed, base, metrics, series }.view()
         });
-        let falls_s = metrics.predicted_fall_s.filter(|_| !order.allow_fall);
-        report.notes.extend(falls_s.map(bodily::fall_note));
+        report.notes.extend(bodily::fall_note(&metrics).filter(|_| !order.allow_fall));
         report.notes.extend(bodily::soft_note(&metrics));
         report.notes.extend(bodily::weak_note(&metrics));
         report.metrics = Some(metrics);
@@ -182,11 +179,10 @@ pub(super) fn robot_clip(
     let order = MotionOrder { balanced_at: Some(1.0), may_fall: true, ..MotionOrder::of(name) };
     let loaded = source::of_person(&order, robot, capture, Source::default(), false)?;
     let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-    let path = loaded.path_from(robot, &start_rad)?;
     let options = PlanOptions { retime: true, ..PlanOptions::default() };
-    let planned = plan(&start_rad, &path, &robot.limits(), options)?;
-    let (base, metrics) = bodily::look(robot, &loaded, &path, &planned, false)?;
-    Ok(RobotClip::of(&planned, base.as_ref(), &metrics, rate_hz))
+    let Laid { planned, base, figures, .. } =
+        bodily::laid(robot, &start_rad, &loaded, options, false)?;
+    Ok(RobotClip::of(&planned, base.as_ref(), &figures, rate_hz))
 }
 
 impl RobotClip {

@@ -26,7 +26,7 @@ use crate::mocap::opensim as mocap_opensim;
 use crate::mocap::retarget::{self, Retargeted, TrunkLean};
 use crate::mocap::siblings::{self, SegmentFrames};
 use crate::motion::Path as JointPath;
-use crate::retarget::adjust::{self, Adjustable, Adjusting, adjust};
+use crate::retarget::adjust::{self, Adjustable, Adjusting, adjust, touches_itself};
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::Toe;
 use crate::retarget::{Footfall, footfall};
@@ -239,7 +239,9 @@ pub(super) fn of_person(
         if let Some(standing) = found {
             retargeted.notes.push(standing.note);
             (footfalls, clock) = (standing.footfalls, standing.clock);
-        } else if !exact {
+        } else if !exact
+            || touches_itself(&placed.adjusting(*rate_hz, None), &retargeted.positions_rad)
+        {
             if stands {
                 let lengths = Proportions::of_stature(capture.stature_m)?;
                 let toes = Toe::both(&capture.poses, capture.rate_hz, &lengths);
@@ -247,7 +249,7 @@ pub(super) fn of_person(
             }
             fit_in(robot, &placed, stands.then_some(&footfalls), &mut retargeted)?;
             let floor = stands && body.base == BaseKind::Free;
-            if let Some(speed) = order.balanced_at.filter(|_| !floor)
+            if let Some(speed) = order.balanced_at.filter(|_| !floor && !exact)
                 && let Some(times) = standing::in_parts(robot, speed, &mut retargeted)?
             {
                 footfalls = footfall::at_times(&footfalls, &times, retargeted.rate_hz);

@@ -51,11 +51,13 @@ pub struct PlanOptions {
     pub approach: bool,
     /// How often the path is played; between rounds a transition leads back to its first pose.
     pub rounds: u32,
+    /// Transitions take so many times as long as joints need; 1 or more.
+    pub calm: f64,
 }
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { speed: 1.0, retime: true, approach: true, rounds: 1 }
+        Self { speed: 1.0, retime: true, approach: true, rounds: 1, calm: 1.0 }
     }
 }
 
@@ -156,7 +158,7 @@ pub fn plan(
             path: path.stretched(retimed.factor),
             limits,
             room: 1.0 + room / 2.0,
-            pace: options.speed.min(1.0),
+            pace: options.speed.min(1.0) / options.calm.max(1.0),
         };
         match layout.plan(start_rad, options, retimed) {
             Ok(plan) => return Ok(plan),

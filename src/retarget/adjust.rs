@@ -158,6 +158,13 @@ impl Nodes {
     }
 }
 
+/// Whether links are in one another at any time in `angles_rad[joint][pose]`.
+#[must_use]
+pub fn touches_itself(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> bool {
+    let solver = Solver::new(of.robot);
+    Nodes::of(of, angles_rad).poses.iter().any(|pose| solver.touches(pose))
+}
+
 /// Moves `angles_rad[joint][pose]`.
 ///
 /// # Errors

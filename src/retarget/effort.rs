@@ -54,9 +54,8 @@ impl Exertion<'_> {
             let motion = self.motion(at);
             let efforts = self.body.tree.inverse_dynamics(&motion, GRAVITY);
             let mut all = self.without_floor(&motion, efforts);
-            if let Some(drive) = &self.body.drive {
-                let turned = all.iter_mut().zip(&motion.accelerations);
-                turned.for_each(|(torque, rate)| *torque += drive.armature_kg_m2 * rate);
+            for (at, drive) in self.body.drives.iter().flatten().enumerate() {
+                all[at] += drive.armature_kg_m2 * motion.accelerations[at];
             }
             let own = self.body.tree.gathered(&all);
             series.iter_mut().zip(own).for_each(|(series, torque_nm)| series.push(torque_nm));
@@ -188,9 +187,9 @@ const SLOWEST: f64 = 4.0;
 #[must_use]
 pub fn held_factors(body: &RobotBody, path: &Path, motors: &[Option<MotorCurve>]) -> Vec<f64> {
     let tree = &body.tree;
-    let rotor_kg_m2 = body.drive.map_or(0.0, |drive| drive.armature_kg_m2);
+    let drive = |joint: usize| body.drives.as_ref().and_then(|drives| drives.get(joint));
     let motors: Vec<Option<MotorCurve>> =
-        motors.iter().map(|motor| Some(weaker((*motor)?, body.drive))).collect();
+        motors.iter().enumerate().map(|(at, motor)| Some(weaker((*motor)?, drive(at)))).collect();
     let own = |values: &[f64]| -> Vec<f64> {
         let mut all = values.to_vec();
         all.resize(tree.moving(), 0.0);
@@ -205,8 +204,9 @@ pub fn held_factors(body: &RobotBody, path: &Path, motors: &[Option<MotorCurve>]
         let mut rest_nm = tree.inverse_dynamics(&motion, GRAVITY).joints;
         (motion.rates, motion.accelerations) = (own(&of(1)), own(&of(2)));
         let mut moved_nm = tree.inverse_dynamics(&motion, GRAVITY).joints;
-        let turned = moved_nm.iter_mut().zip(&motion.accelerations);
-        turned.for_each(|(torque, rate)| *torque += rotor_kg_m2 * rate);
+        for (at, drive) in body.drives.iter().flatten().enumerate() {
+            moved_nm[at] += drive.armature_kg_m2 * motion.accelerations[at];
+        }
         (rest_nm, moved_nm) = (tree.gathered(&rest_nm), tree.gathered(&moved_nm));
         let each = motors.iter().enumerate().filter_map(|(joint, motor)| {
             let asked = Asked {
@@ -222,7 +222,7 @@ pub fn held_factors(body: &RobotBody, path: &Path, motors: &[Option<MotorCurve>]
 }
 
 /// The weaker of what a motor's maker says and of what the robot's file says of its servos.
-fn weaker(motor: MotorCurve, drive: Option<Drive>) -> MotorCurve {
+fn weaker(motor: MotorCurve, drive: Option<&Drive>) -> MotorCurve {
     let Some(drive) = drive else { return motor };
     let no_load_speed_rad_s = if drive.damping_nm_s_rad > 0.0 {
         motor.no_load_speed_rad_s.min(drive.torque_nm / drive.damping_nm_s_rad)
@@ -329,11 +329,12 @@ mod tests {
             stiffness_nm_rad: 20.0,
             damping_nm_s_rad: 1.0,
             armature_kg_m2: 0.0,
+            friction_nm: 0.0,
             torque_nm: 4.5,
         };
         let slow = MotorCurve { no_load_speed_rad_s: 4.5, ..motor };
-        assert_eq!(weaker(motor, Some(drive)), slow);
-        assert_eq!(weaker(motor, Some(Drive { damping_nm_s_rad: 0.0, ..drive })), motor);
+        assert_eq!(weaker(motor, Some(&drive)), slow);
+        assert_eq!(weaker(motor, Some(&Drive { damping_nm_s_rad: 0.0, ..drive })), motor);
         assert_eq!(weaker(motor, None), motor);
     }
 

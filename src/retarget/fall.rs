@@ -27,7 +27,9 @@ pub struct OnFloor<'a> {
     /// What it stands on.
     pub soles: &'a [StandingSole],
     /// How its servos pull.
-    pub drive: Drive,
+    pub drives: &'a [Drive],
+    /// How many times as stiff as that they are.
+    pub stiffness: f64,
     /// Of soles on the floor.
     pub friction: f64,
     /// Angles of its joints, rad.
@@ -39,15 +41,16 @@ pub struct OnFloor<'a> {
 impl OnFloor<'_> {
     /// The same with soft servos.
     #[must_use]
-    pub fn softly(self) -> Self {
-        let stiffness_nm_rad = self.drive.stiffness_nm_rad * SOFT;
-        Self { drive: Drive { stiffness_nm_rad, ..self.drive }, ..self }
+    pub const fn softly(self) -> Self {
+        Self { stiffness: SOFT, ..self }
     }
 
     /// In which pose it is lost, if in any.
     #[must_use]
     pub fn lost_at(&self) -> Option<usize> {
-        let OnFloor { body, soles, drive, friction, poses, path } = *self;
+        let OnFloor { body, soles, drives, stiffness, friction, poses, path } = *self;
+        let drive = |of: &Drive| Drive { stiffness_nm_rad: of.stiffness_nm_rad * stiffness, ..*of };
+        let drives: Vec<Drive> = drives.iter().map(drive).collect();
         let (first, place) = (poses.first()?, *path.places.first()?);
         let corners =
             soles.iter().flat_map(|sole| sole.corners_m.iter().map(|at_m| (sole.link, *at_m)));
@@ -65,7 +68,7 @@ impl OnFloor<'_> {
                 *goal = from + (to - from) * share;
             }
             let wanted = path.places[before];
-            let is_up = moving.drive(&drive, &goals, STEP_S) && {
+            let is_up = moving.drive(&drives, &goals, STEP_S) && {
                 let is = moving.base();
                 let off_rad = (is.turn * DVec3::Z).angle_between(wanted.turn * DVec3::Z);
                 off_rad < LOST_RAD && is.at_m.z > LOW * wanted.at_m.z

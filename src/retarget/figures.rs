@@ -59,6 +59,9 @@ pub struct SlowStretch {
     pub joint: String,
 }
 
+/// So long a robot is watched that stands still, s.
+const STILL_S: f64 = 3.0;
+
 /// How much slower each instant of a motion would have to be, by itself, for the robot's velocity and
 /// acceleration limits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -111,6 +114,9 @@ pub struct BodyFigures {
     pub predicted_fall_s: Option<f64>,
     /// The same with servos that are softer by a third; null if never, or if its file does not say how they give way.
     pub soft_fall_s: Option<f64>,
+    /// Of a motion in which it would be lost, when it would be so standing still in the pose it starts in; null if it stands, or
+    /// if its file does not say how its servos give way.
+    pub still_fall_s: Option<f64>,
     /// The most torque a servo has to give, as part of its stall torque.
     pub peak_torque: Option<PeakEffort>,
     /// The most voltage it needs for its torque and speed, as part of the one that its figures hold for.
@@ -245,12 +251,17 @@ impl BodyMotion<'_> {
         figures.jerk_rms_rad_s3 =
             effort::jerk_rms_rad_s3(&self.poses[self.clip.clone()], self.rate_hz);
         self.exert(soles, held, path, &mut figures)?;
-        if let Some(drive) = self.body.drive.filter(|_| held == Held::Standing) {
+        if let Some(drives) = self.body.drives.as_ref().filter(|_| held == Held::Standing) {
             let (body, poses) = (self.body, self.poses);
-            let on = OnFloor { body, soles, drive, friction: 1.0, poses, path };
+            let on = OnFloor { body, soles, drives, stiffness: 1.0, friction: 1.0, poses, path };
             let lost_s = |on: OnFloor<'_>| on.lost_at().map(|at| at as f64 / self.rate_hz);
             figures.predicted_fall_s = lost_s(on);
             figures.soft_fall_s = figures.predicted_fall_s.or_else(|| lost_s(on.softly()));
+            if figures.predicted_fall_s.is_some() {
+                let still = vec![self.start_rad.to_vec(); (STILL_S * self.rate_hz) as usize + 1];
+                let path = &base::path(body, soles, held, &still, self.rate_hz, |_| None);
+                figures.still_fall_s = lost_s(OnFloor { poses: &still, path, ..on });
+            }
         }
         Ok(figures)
     }
@@ -468,6 +479,7 @@ impl<'a> Look<'a> {
                 .and_then(|balance| balance.falls_at)
                 .map(|at| at as f64 * step_s),
             soft_fall_s: None,
+            still_fall_s: None,
             peak_torque: None,
             peak_voltage: None,
             jerk_rms_rad_s3: None,

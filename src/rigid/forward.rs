@@ -16,6 +16,8 @@ const SINKS_M: f64 = 0.0001;
 const FLOOR_S: f64 = 0.004;
 /// How often a step is solved again because a corner leaves the floor or slips.
 const PASSES: usize = 4;
+/// A joint that turns more slowly sticks, as far as its friction can tell, rad/s.
+const STICKS_RAD_S: f64 = 0.002;
 
 /// How joints pull.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +28,8 @@ pub struct Drive {
     pub damping_nm_s_rad: f64,
     /// What turns with the motor, seen from the joint, kg m².
     pub armature_kg_m2: f64,
+    /// Torque against any motion, however slow, N m.
+    pub friction_nm: f64,
     /// Most torque, N m.
     pub torque_nm: f64,
 }
@@ -226,19 +230,23 @@ impl Moving {
         self.tree.place(self.motion.base, &self.motion.angles)
     }
 
-    /// One step on, joints driven to these goals (as many as joints that move). False if that has no answer.
-    pub fn drive(&mut self, drive: &Drive, goals: &[f64], step_s: f64) -> bool {
-        let Drive { stiffness_nm_rad, damping_nm_s_rad, armature_kg_m2, torque_nm } = *drive;
-        let pull = |(goal, angle): (&f64, &f64)| {
-            let pull = stiffness_nm_rad * (goal - angle);
+    /// One step on, each joint driven to its goal (as many as joints that move; those that follow others need no drive).
+    /// False if that has no answer.
+    pub fn drive(&mut self, drives: &[Drive], goals: &[f64], step_s: f64) -> bool {
+        let pull = |(at, drive): (usize, &Drive)| {
+            let Drive { stiffness_nm_rad, torque_nm, .. } = *drive;
+            let pull = stiffness_nm_rad * (goals[at] - self.motion.angles[at]);
             let yields = if pull.abs() < torque_nm { stiffness_nm_rad * step_s } else { 0.0 };
+            // As strong as it was at the step's beginning, against where the joint turns at its end.
+            let rubs = drive.friction_nm / self.motion.rates[at].abs().max(STICKS_RAD_S);
             Pull {
                 torque_nm: pull.clamp(-torque_nm, torque_nm),
-                gives_nm_s_rad: damping_nm_s_rad + yields,
-                armature_kg_m2,
+                gives_nm_s_rad: drive.damping_nm_s_rad + yields + rubs,
+                armature_kg_m2: drive.armature_kg_m2,
             }
         };
-        let pulls: Vec<Pull> = goals.iter().zip(&self.motion.angles).map(pull).collect();
+        let mut pulls: Vec<Pull> = drives.iter().enumerate().map(pull).collect();
+        pulls.resize(goals.len(), Pull::default());
         self.step(&pulls, step_s)
     }
 

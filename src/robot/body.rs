@@ -19,8 +19,8 @@ pub struct RobotBody {
     pub volumes: Vec<Vec<Volume>>,
     /// What it stands on.
     pub soles: Vec<Sole>,
-    /// How its servos pull, if its file says so.
-    pub drive: Option<Drive>,
+    /// How the servo of each of the robot's joints pulls, if its file says so.
+    pub drives: Option<Vec<Drive>>,
     /// How many joints are the robot's own.
     joints: usize,
 }
@@ -154,13 +154,18 @@ impl RobotBody {
             Sole::new(link, corners_m.iter().map(|c| DVec3::from(*c)).collect(), placed.turn)
         });
         let soles = soles.collect();
-        let drive = body.servos.as_ref().map(|of| Drive {
+        let drive = |of: profiles::Yielding| Drive {
             stiffness_nm_rad: of.stiffness_nm_rad,
             damping_nm_s_rad: of.damping_nm_s_rad,
             armature_kg_m2: of.armature_kg_m2,
+            friction_nm: of.friction_nm,
             torque_nm: of.torque_nm,
-        });
-        Ok(Self { tree, base: body.base, volumes, soles, drive, joints: file.joints.len() })
+        };
+        let drives = body
+            .servos
+            .as_ref()
+            .map(|servos| file.joints.iter().map(|joint| drive(servos.of(&joint.name))).collect());
+        Ok(Self { tree, base: body.base, volumes, soles, drives, joints: file.joints.len() })
     }
 
     /// Whether two links are at most two joints apart: one carries the other, or what carries it, or

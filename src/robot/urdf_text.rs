@@ -25,13 +25,13 @@ pub fn urdf(name: &str, body: &RobotBody, limits: &[JointLimits]) -> String {
         }
         out.push_str("  </link>\n");
     }
-    // Of servos that the file says nothing of, nobody knows the torque: readers want a number.
-    let effort_nm = body.drive.map_or(0.0, |drive| drive.torque_nm);
     for (index, link) in links.iter().enumerate() {
         let Some(parent) = link.parent.and_then(|parent| links.get(parent)) else { continue };
         let coupling = body.tree.couplings().iter().find(|coupling| coupling.link == index);
         let limits = limits.get(index - 1).filter(|_| coupling.is_none());
-        joint(&mut out, link, parent, limits, effort_nm);
+        // Of servos that the file says nothing of, nobody knows the torque: readers want a number.
+        let drive = body.drives.as_ref().and_then(|drives| drives.get(index - 1));
+        joint(&mut out, link, parent, limits, drive.map_or(0.0, |drive| drive.torque_nm));
         if let Some(Coupling { of, offset, .. }) = coupling
             && let [(leader, ratio)] = of.as_slice()
         {

@@ -4,8 +4,13 @@ use gaitway::rigid::{Drive, JointKind, Mass, Moving, Placement, Tree, TreeLink};
 use glam::DVec3;
 
 const GRAVITY: f64 = 9.81;
-const SLACK: Drive =
-    Drive { stiffness_nm_rad: 0.0, damping_nm_s_rad: 0.0, armature_kg_m2: 0.0, torque_nm: 1.0 };
+const SLACK: Drive = Drive {
+    stiffness_nm_rad: 0.0,
+    damping_nm_s_rad: 0.0,
+    armature_kg_m2: 0.0,
+    friction_nm: 0.0,
+    torque_nm: 1.0,
+};
 
 fn link(name: &str, parent: Option<usize>, kind: JointKind, at_m: DVec3, mass: Mass) -> TreeLink {
     TreeLink {
@@ -44,7 +49,7 @@ fn who_has_no_floor_falls_as_fast_as_all_do() {
     let base = Placement::at(DVec3::Z * 10.0);
     let mut moving = Moving::at_rest(&tree, 1.0, GRAVITY, corners(), base, &[0.4]);
     for _ in 0..500 {
-        assert!(moving.drive(&SLACK, &[0.0], 0.001));
+        assert!(moving.drive(&[SLACK], &[0.0], 0.001));
     }
     // A step too long by half of one.
     let fallen_m = 10.0 - moving.base().at_m.z;
@@ -59,7 +64,7 @@ fn a_rod_on_a_spring_sags_to_where_its_weight_is_held() {
     let goal = 0.1;
     let mut moving = Moving::at_rest(&tree, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
     for _ in 0..3000 {
-        assert!(moving.drive(&drive, &[goal], 0.002));
+        assert!(moving.drive(&[drive], &[goal], 0.002));
     }
     let angle = moving.angles()[0];
     let held_nm = 6.0 * (angle - goal);
@@ -71,17 +76,12 @@ fn a_rod_on_a_spring_sags_to_where_its_weight_is_held() {
 #[test]
 fn a_stiff_rod_tips_about_the_edge_that_its_weight_is_over_and_no_sooner() {
     let tree = standing();
-    let drive = Drive {
-        stiffness_nm_rad: 500.0,
-        damping_nm_s_rad: 5.0,
-        armature_kg_m2: 0.0,
-        torque_nm: 9.0,
-    };
+    let drive = Drive { stiffness_nm_rad: 500.0, damping_nm_s_rad: 5.0, torque_nm: 9.0, ..SLACK };
     let tilted = |goal: f64| {
         let mut moving =
             Moving::at_rest(&tree, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[goal]);
         for _ in 0..1000 {
-            assert!(moving.drive(&drive, &[goal], 0.002));
+            assert!(moving.drive(&[drive], &[goal], 0.002));
         }
         (moving.base().turn * DVec3::Z).angle_between(DVec3::Z)
     };
@@ -89,6 +89,38 @@ fn a_stiff_rod_tips_about_the_edge_that_its_weight_is_over_and_no_sooner() {
     let edge = (0.05_f64 * 1.5 / 0.2).asin();
     assert!(tilted(edge - 0.04) < 0.05, "{}", tilted(edge - 0.04));
     assert!(tilted(edge + 0.04) > 0.5, "{}", tilted(edge + 0.04));
+}
+
+#[test]
+fn a_rod_with_friction_stays_while_that_holds_its_weight_and_falls_beyond() {
+    let tree = standing();
+    let tilted = |friction_nm: f64| {
+        let drive = Drive { friction_nm, ..SLACK };
+        let mut moving =
+            Moving::at_rest(&tree, 1.0, GRAVITY, corners(), Placement::IDENTITY, &[0.2]);
+        for _ in 0..500 {
+            assert!(moving.drive(&[drive], &[0.0], 0.002));
+        }
+        moving.angles()[0] - 0.2
+    };
+    // 1 kg at 0.2 m, tilted by 0.2 rad. What holds creeps by 2 mrad/s at most.
+    let weight_nm = GRAVITY * 0.2 * 0.2_f64.sin();
+    assert!(tilted(1.1 * weight_nm) < 0.003, "{}", tilted(1.1 * weight_nm));
+    assert!(tilted(0.9 * weight_nm) > 0.2, "{}", tilted(0.9 * weight_nm));
+    assert!(tilted(0.0) > tilted(0.9 * weight_nm));
+}
+
+#[test]
+fn a_rod_on_a_spring_with_friction_comes_to_rest_short_of_its_goal_by_no_more_than_that_holds() {
+    let tree = standing();
+    let drive = Drive { stiffness_nm_rad: 50.0, friction_nm: 0.5, torque_nm: 30.0, ..SLACK };
+    let mut moving = Moving::at_rest(&tree, 1.0, 0.0, corners(), Placement::IDENTITY, &[0.0]);
+    for _ in 0..1500 {
+        assert!(moving.drive(&[drive], &[0.1], 0.002));
+    }
+    let off_rad = (moving.angles()[0] - 0.1).abs();
+    assert!(off_rad < 0.5 / 50.0 + 1e-3, "{off_rad}");
+    assert!(off_rad > 1e-4, "{off_rad}");
 }
 
 #[test]
@@ -100,7 +132,7 @@ fn a_swung_rod_drives_its_foot_back_on_ice_and_not_on_a_rough_floor() {
             Moving::at_rest(&tree, friction, GRAVITY, corners(), Placement::IDENTITY, &[0.0]);
         let centre = |of: &Moving| tree.centre_of_mass_m(&of.placed()).x;
         for _ in 0..60 {
-            assert!(moving.drive(&drive, &[0.15], 0.001));
+            assert!(moving.drive(&[drive], &[0.15], 0.001));
         }
         (moving.base().at_m.x, centre(&moving))
     };
@@ -120,12 +152,12 @@ fn a_push_gives_a_body_its_impulse_and_no_more() {
     let centre_m = |moving: &Moving| tree.centre_of_mass_m(&moving.placed());
     moving.disturb(vec![(1, force_n)], [0.0; 2]);
     for _ in 0..200 {
-        assert!(moving.drive(&SLACK, &[0.0], 0.001));
+        assert!(moving.drive(&[SLACK], &[0.0], 0.001));
     }
     moving.disturb(Vec::new(), [0.0; 2]);
     let before_m = centre_m(&moving);
     for _ in 0..100 {
-        assert!(moving.drive(&SLACK, &[0.0], 0.001));
+        assert!(moving.drive(&[SLACK], &[0.0], 0.001));
     }
     // 0.2 s on 1.5 kg, wherever it was pushed.
     let velocity = (centre_m(&moving) - before_m) / 0.1;
@@ -144,7 +176,7 @@ fn on_a_slope_a_body_stands_while_friction_holds_it_and_slides_as_a_block_beyond
             Moving::at_rest(&tree, friction, GRAVITY, corners(), Placement::IDENTITY, &[0.0]);
         moving.disturb(Vec::new(), slope_rad);
         for _ in 0..1000 {
-            assert!(moving.drive(&drive, &[0.0], 0.0005));
+            assert!(moving.drive(&[drive], &[0.0], 0.0005));
         }
         moving.base().at_m
     };

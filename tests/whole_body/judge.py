@@ -1,19 +1,23 @@
 """Plays tables of a robot in MuJoCo's model of it with position servos, on a floor, and says when it falls.
 
 Order (a file of JSON): model, feet, runs: [table, stiffness, friction, mass, delay_s, seed]. Answer: a list of seconds or null.
+A model that ends in .toml is a robot's file: its feet are in it, and its servos are so many times as stiff (`stiffness`).
 A fall is a link other than a foot on the floor, or 60 deg of tilt. The robot does not meet itself.
 """
 
 import csv, json, sys
 import mujoco, numpy as np
 
-from on_a_floor import model_of
+import of_file, on_a_floor
 
 order = json.load(open(sys.argv[1]))
 
 
 def falls(table, stiffness, friction, mass, delay_s, seed):
-    model = model_of(order["model"], stiffness, friction, mass)
+    if order["model"].endswith(".toml"):
+        model, feet = of_file.model_of(order["model"], stiffness, friction, mass)
+    else:
+        model, feet = on_a_floor.model_of(order["model"], stiffness, friction, mass), order["feet"]
     level = model.geom("level").id
     with open(table) as file:
         rows = list(csv.reader(file))
@@ -32,7 +36,7 @@ def falls(table, stiffness, friction, mass, delay_s, seed):
     if random is not None:
         data.qpos[places] += random.normal(0, 0.01, len(places))
     trunk = model.jnt_bodyid[0]
-    feet = [model.body(name).id for name in order["feet"]]
+    feet = [model.body(name).id for name in feet]
     times, step_s = column["time_s"], model.opt.timestep
     count = int((times[-1] + 1.0) / step_s)
     ticks = np.clip(np.arange(count) * step_s - delay_s, 0, times[-1])

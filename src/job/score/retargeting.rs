@@ -5,13 +5,13 @@ use super::motions::{FeatureKept, Judging, MotionScore, MotionScoreOrder, mean, 
 use crate::body::{Segment, SegmentPose};
 use crate::corpus::rows::TrialEntry;
 use crate::error::{Error, ErrorKind};
-use crate::job::bodily;
+use crate::job::bodily::{self, Laid};
 use crate::job::corpus::capture_of;
 use crate::job::pending::go_on;
 use crate::job::source::{self, MotionOrder, RobotMotion, Source};
 use crate::job::{Event, Observer};
 use crate::mocap::anatomy::Capture;
-use crate::motion::{Plan, PlanOptions, Setpoint, plan};
+use crate::motion::{Plan, PlanOptions, Setpoint};
 use crate::retarget::base::{BasePath, ON_FLOOR_M, StandingSole};
 use crate::robot::{Robot, RobotBody};
 use std::collections::BTreeMap;
@@ -78,10 +78,9 @@ struct Done {
 impl Done {
     fn of(robot: &Robot, motion: &RobotMotion) -> Result<Self, Error> {
         let start_rad: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
-        let path = motion.path_from(robot, &start_rad)?;
         let options = PlanOptions { retime: true, ..PlanOptions::default() };
-        let planned = plan(&start_rad, &path, &robot.limits(), options)?;
-        let (base, figures) = bodily::look(robot, motion, &path, &planned, false)?;
+        let Laid { planned, base, figures, .. } =
+            bodily::laid(robot, &start_rad, motion, options, false)?;
         let off = figures.direction_error_rad;
         let known: Vec<f64> =
             [off.upper_arm, off.forearm, off.thigh, off.shank].into_iter().flatten().collect();

@@ -13,7 +13,7 @@ use crate::motion::{End, JointLimits, Path, Spline};
 use crate::retarget::Footfall;
 use crate::retarget::adjust::{
     Adjustable, Adjusting, FeetMay, Lifts, Pace, Survival, Waited, adjust, drawn_in, is_steady,
-    pace, stays, steady, survives, waited,
+    pace, stays, steady, survives, touches_itself, waited,
 };
 use crate::retarget::effort;
 use crate::retarget::footfall;
@@ -68,7 +68,7 @@ pub(super) struct Standing {
 }
 
 /// Moves and slows what can be done without a fall; nothing is changed if it cannot be, or need not be: `exact`
-/// motions that stay well on their feet as they are.
+/// motions that stay well on their feet, and out of themselves, as they are.
 ///
 /// # Errors
 /// As of a path that is planned.
@@ -90,7 +90,8 @@ pub(super) fn balanced(
     let slower = on.tempo(&retargeted.positions_rad)?;
     let of = on.adjusting(slower);
     let given = &retargeted.positions_rad;
-    if placed.exact && is_steady(&of, given)? && survives(&of, given)?.in_any_case() {
+    let is_apart = || !touches_itself(&of, given);
+    if placed.exact && is_apart() && is_steady(&of, given)? && survives(&of, given)?.in_any_case() {
         return Ok(None);
     }
     let carries: Vec<[bool; 2]> =
@@ -126,7 +127,7 @@ pub(super) fn balanced(
     }
     // One that is not in itself first, and then one that soft servos bear, too. Where nobody knows how servos give way, nobody
     // knows whether one leg bears it.
-    let ways: &[FeetMay] = match placed.body.drive {
+    let ways: &[FeetMay] = match placed.body.drives {
         Some(_) => &[FeetMay::Step, FeetMay::Stay],
         None => &[FeetMay::Stay],
     };

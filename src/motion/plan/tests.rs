@@ -295,6 +295,21 @@ fn noise_at_full_rate_is_slowed_down_rather_than_refused() {
     assert!(got.retimed.factor > 2.0);
 }
 
+#[test]
+fn calm_transitions_take_so_many_times_as_long_and_the_path_takes_what_it_took() {
+    let path = Path::new(names(1), 10.0, vec![vec![0.5, 0.6, 0.5, 0.5]]).unwrap();
+    let played = |calm: f64| {
+        let options = PlanOptions { calm, rounds: 2, ..options() };
+        plan(&[0.0], &path, &limits(1), options).unwrap()
+    };
+    let (usual, calm) = (played(1.0), played(3.0));
+    assert_eq!(calm.clip_s, usual.clip_s);
+    assert!((calm.approach_s / usual.approach_s - 3.0).abs() < 0.02, "{}", calm.approach_s);
+    // Two transitions, and the path twice.
+    let transitions_s = |of: &Plan| of.trajectory.duration_s() - 2.0 * of.clip_s;
+    assert!((transitions_s(&calm) / transitions_s(&usual) - 3.0).abs() < 0.02);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

@@ -37,7 +37,7 @@ impl Solver<'_> {
     ) -> Option<Vec<f64>> {
         let Self { of, movers, .. } = self;
         let tree = &of.body.tree;
-        let stiffness_nm_rad = of.body.drive.as_ref()?.stiffness_nm_rad;
+        let drives = of.body.drives.as_ref()?;
         let centre_m = tree.centre_of_mass_m(placed);
         let slopes_m = self.centre_slopes_m(placed);
         let mut rises_m = vec![0.0; slopes_m.len()];
@@ -55,7 +55,8 @@ impl Solver<'_> {
             }
         }
         let weight_n = tree.mass_kg() * GRAVITY_M_S2;
-        Some(rises_m.into_iter().map(|rises_m| weight_n * rises_m / stiffness_nm_rad).collect())
+        let each = rises_m.into_iter().zip(drives);
+        Some(each.map(|(rises_m, of)| weight_n * rises_m / of.stiffness_nm_rad).collect())
     }
 }
 
@@ -86,7 +87,7 @@ mod tests {
         let solver = Solver::new(op3.adjustable(&free));
         let soles = solver.feet().expect("two feet");
         let (body, pose) = (solver.of.body, pose(&op3));
-        let drive = body.drive.as_ref().expect("servos");
+        let drives = body.drives.as_ref().expect("servos");
         let heights_m = |pose: &[f64]| {
             let placed = solver.place(pose);
             let centre_m = body.tree.centre_of_mass_m(&placed);
@@ -104,7 +105,7 @@ mod tests {
                 });
                 let rises_m = (more - less) / (2.0 * NUDGE_RAD);
                 let torque_nm = body.tree.mass_kg() * GRAVITY_M_S2 * rises_m;
-                let off_rad = beyond_rad - torque_nm / drive.stiffness_nm_rad;
+                let off_rad = beyond_rad - torque_nm / drives[joint].stiffness_nm_rad;
                 assert!(off_rad.abs() < 1e-7, "{joint}: {off_rad}");
             }
         }
@@ -122,7 +123,7 @@ mod tests {
         let up = placed[soles[0].link].turn * soles[0].normal;
         let still = TreeMotion::at_rest(Placement::IDENTITY, body.angles(&pose));
         let efforts = body.tree.inverse_dynamics(&still, up * -GRAVITY_M_S2);
-        let stiffness_nm_rad = body.drive.as_ref().expect("servos").stiffness_nm_rad;
+        let drives = body.drives.as_ref().expect("servos");
         let mut most_rad = 0.0_f64;
         for name in [
             "l_sho_pitch",
@@ -134,7 +135,7 @@ mod tests {
             "r_knee",
         ] {
             let joint = op3.joint(name);
-            let own_rad = efforts.joints[joint] / stiffness_nm_rad;
+            let own_rad = efforts.joints[joint] / drives[joint].stiffness_nm_rad;
             assert!((beyond_rad[joint] - own_rad).abs() < 1e-9, "{name}: {own_rad}");
             most_rad = most_rad.max(own_rad.abs());
         }

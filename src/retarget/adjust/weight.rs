@@ -391,8 +391,8 @@ impl Survival {
 pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Survival, Error> {
     let count = angles_rad.first().map_or(0, Vec::len);
     let unknown = Survival { as_they_are: true, softly: true };
-    let (Some(footfalls), Some(slower), Some(drive)) =
-        (of.footfalls, of.slower, of.robot.body.drive)
+    let (Some(footfalls), Some(slower), Some(drives)) =
+        (of.footfalls, of.slower, &of.robot.body.drives)
     else {
         return Ok(unknown);
     };
@@ -402,7 +402,8 @@ pub fn survives(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> Result<Survival,
     let look = Look::of(of, footfalls, slower, angles_rad)?;
     let Looked { poses, path, .. } = look.looked((0..count).map(|at| at as f64).collect());
     let (body, soles) = (of.robot.body, look.soles.as_slice());
-    let on = OnFloor { body, soles, drive, friction: 1.0, poses: &poses, path: &path };
+    let (poses, path) = (poses.as_slice(), &path);
+    let on = OnFloor { body, soles, drives, stiffness: 1.0, friction: 1.0, poses, path };
     Ok(Survival { as_they_are: on.lost_at().is_none(), softly: on.softly().lost_at().is_none() })
 }
 

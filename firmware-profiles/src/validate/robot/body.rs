@@ -5,7 +5,7 @@ use crate::error::{Faults, ProfileError};
 use crate::files;
 use crate::schema::{
     BaseKind, Body, BodyBalance, BodyImu, BodyLink, BodyServos, CoupledJoint, Joint, Line, Robot,
-    SignedAxis,
+    SignedAxis, Yielding,
 };
 use std::collections::BTreeSet;
 
@@ -56,7 +56,7 @@ pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) 
         faults.note(takes_up(file, link, &place));
     }
     if let Some(servos) = &body.servos {
-        give_way(file, servos, faults);
+        give_way(file, servos, &driven, faults);
     }
     if let Some(of) = &body.imu {
         faults.note(imu(file, of, robot));
@@ -69,20 +69,42 @@ pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) 
     }
 }
 
-fn give_way(file: &str, servos: &BodyServos, faults: &mut Faults) {
+fn give_way(file: &str, servos: &BodyServos, driven: &BTreeSet<&str>, faults: &mut Faults) {
     faults.note(not_empty(file, "body, servos, source", &servos.source));
-    for (key, value) in
-        [("stiffness_nm_rad", servos.stiffness_nm_rad), ("torque_nm", servos.torque_nm)]
-    {
-        faults.note(positive(file, || format!("body, servos, {key}"), value));
+    holds(file, "body, servos", servos.usual(), faults);
+    let mut seen = BTreeSet::new();
+    for (at, other) in servos.others.iter().enumerate() {
+        let place = format!("body, servos, other {}", at + 1);
+        holds(file, &place, other.each(), faults);
+        let refuse = |what: &str| ProfileError::new(file, what).at(format!("{place}, joints"));
+        if other.joints.is_empty() {
+            faults.note(Err(refuse("it names no joint")));
+        }
+        for joint in &other.joints {
+            if !driven.contains(joint.as_str()) {
+                faults.note(Err(refuse("the robot has no such joint").got(joint)));
+            }
+            if !seen.insert(joint) {
+                faults.note(Err(refuse("a joint stands once").got(joint)));
+            }
+        }
     }
-    for (key, value) in
-        [("damping_nm_s_rad", servos.damping_nm_s_rad), ("armature_kg_m2", servos.armature_kg_m2)]
-    {
-        faults.note(finite(file, || format!("body, servos, {key}"), value));
+}
+
+/// The numbers of one servo.
+fn holds(file: &str, place: &str, of: Yielding, faults: &mut Faults) {
+    for (key, value) in [("stiffness_nm_rad", of.stiffness_nm_rad), ("torque_nm", of.torque_nm)] {
+        faults.note(positive(file, || format!("{place}, {key}"), value));
+    }
+    for (key, value) in [
+        ("damping_nm_s_rad", of.damping_nm_s_rad),
+        ("armature_kg_m2", of.armature_kg_m2),
+        ("friction_nm", of.friction_nm),
+    ] {
+        faults.note(finite(file, || format!("{place}, {key}"), value));
         if value < 0.0 {
             faults.note(Err(ProfileError::new(file, "a servo does not push itself")
-                .at(format!("body, servos, {key}"))
+                .at(format!("{place}, {key}"))
                 .got(value)
                 .allowed("0 or more")));
         }
