@@ -77,6 +77,28 @@ for posture in order["postures"]:
 print(json.dumps(answers))
 "#;
 
+/// How each position servo of a model holds its joint, as MuJoCo has compiled it.
+const SERVOS: &str = r#"
+import json, sys
+import mujoco, numpy as np
+
+model = mujoco.MjModel.from_xml_path(sys.argv[1])
+answer = {}
+for at in range(model.nu):
+    joint, gear = model.actuator_trnid[at, 0], model.actuator_gear[at, 0]
+    dof = model.jnt_dofadr[joint]
+    limits = []
+    if model.actuator_forcelimited[at]:
+        limits.append(min(abs(model.actuator_forcerange[at])) * abs(gear))
+    if model.jnt_actfrclimited[joint]:
+        limits.append(min(abs(model.jnt_actfrcrange[joint])))
+    damping = np.atleast_1d(model.dof_damping[dof])[0]
+    answer[model.joint(joint).name] = [
+        model.actuator_gainprm[at, 0] * gear**2, damping - model.actuator_biasprm[at, 2] * gear**2,
+        model.dof_armature[dof], model.dof_frictionloss[dof], min(limits) if limits else None]
+print(json.dumps(answer))
+"#;
+
 /// How far ours may be from MuJoCo's: m, and N m or N.
 const NEAR: f64 = 1e-6;
 
@@ -276,6 +298,99 @@ const MADE_URDF: &str = r#"<robot name="made">
   <joint name="c" type="continuous"><parent link="two"/><child link="three"/><axis xyz="1 0 0"/>
     <mimic joint="a" multiplier="-0.5" offset="0.2"/></joint>
 </robot>"#;
+
+#[test]
+fn servos_that_pull_to_a_position_hold_joints_as_in_mujoco() {
+    let Some(robots) = captured::captured("robots") else { return };
+    let python = match python::python() {
+        Ok(python) => python,
+        Err(cause) => {
+            aloud!("SKIPPED: nothing was compared: {cause}");
+            return;
+        }
+    };
+    for (file, count) in [
+        ("robotis_op3/robotis_op3_lite.xml", 20),
+        ("unitree_g1/unitree_g1_lite.xml", 29),
+        ("booster_t1/booster_t1_lite.xml", 23),
+        ("open_duck_mini_v2/open_duck_mini_v2_lite.xml", 14),
+        // Its actuators are motors.
+        ("hightorque_hi/hightorque_hi_lite.xml", 0),
+    ] {
+        let path = robots.join(file);
+        let found = read(&path);
+        let run = Command::new(&python.program).args(["-c", SERVOS]).arg(&path).output().unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        let theirs: Value = serde_json::from_slice(&run.stdout).expect("JSON");
+        let mut compared = 0;
+        for joint in &found.joints {
+            let Some(ours) = joint.holds else { continue };
+            let ours = [
+                ours.stiffness_nm_rad,
+                ours.damping_nm_s_rad,
+                ours.armature_kg_m2,
+                ours.friction_nm,
+                ours.torque_nm,
+            ];
+            for (ours, theirs) in ours.iter().zip(theirs[&joint.name].as_array().expect("five")) {
+                let theirs = theirs.as_f64().expect("a number");
+                assert!(
+                    (ours - theirs).abs() < 1e-6 * theirs.abs().max(1.0),
+                    "{file} {}: {ours} {theirs}",
+                    joint.name
+                );
+            }
+            compared += 1;
+        }
+        assert_eq!(compared, count, "{file}");
+    }
+}
+
+/// Of a whole model with damping as a part of the critical one, and gears, which none of the above has.
+#[test]
+fn damping_as_a_part_of_the_critical_one_is_that_of_what_a_joint_carries() {
+    let model = |actuator: &str| {
+        format!(
+            r#"<mujoco><compiler angle="radian"/><default><joint armature="0.02" damping="0.1" frictionloss="0.3"/>
+            <position kp="30" forcerange="-4 4"/></default><worldbody><body name="base"><freejoint/><geom size="0.1"/>
+            <body name="arm"><joint name="j" axis="0 1 0" pos="0.1 0 0"/><geom type="box" size="0.1 0.05 0.2" pos="0 0 0.3"/>
+            <body name="hand" pos="0 0 0.5"><joint name="k" axis="1 0 0"/><geom size="0.05"/></body></body></body></worldbody>
+            <actuator>{actuator}</actuator></mujoco>"#
+        )
+    };
+    let read = |actuator: &str| {
+        let text = model(actuator);
+        let found = model::read(&text, &mut |_| Err("none".to_owned())).expect("a model");
+        found.joint("j").expect("j").holds
+    };
+    let plain = read(r#"<position joint="j" kv="2"/>"#).expect("a servo");
+    assert_eq!((plain.stiffness_nm_rad, plain.damping_nm_s_rad, plain.torque_nm), (30.0, 2.1, 4.0));
+    let geared = read(r#"<position joint="j" gear="3" kv="2"/>"#).expect("a servo");
+    assert_eq!((geared.stiffness_nm_rad, geared.torque_nm), (270.0, 12.0));
+    for none in [
+        r#"<motor joint="j"/>"#,
+        r#"<position joint="j" forcelimited="false"/>"#,
+        r#"<position joint="j"/><motor joint="j"/>"#,
+        r#"<position joint="j" kp="-3"/>"#,
+        r#"<position joint="j" kp="nan"/>"#,
+        r#"<general joint="j" gainprm="30" biastype="affine" biasprm="0 -20 -1" forcerange="-4 4"/>"#,
+    ] {
+        assert_eq!(read(none), None, "{none}");
+    }
+    let Ok(python) = python::python() else {
+        aloud!("SKIPPED: damping as a part of the critical one was not held against MuJoCo's");
+        return;
+    };
+    let critical = r#"<position joint="j" dampratio="0.7"/>"#;
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("damped.xml");
+    std::fs::write(&path, model(critical)).unwrap();
+    let run = Command::new(&python.program).args(["-c", SERVOS]).arg(&path).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let theirs: Value = serde_json::from_slice(&run.stdout).expect("JSON");
+    let (ours, theirs) = (read(critical).expect("a servo"), theirs["j"][1].as_f64().unwrap());
+    assert!((ours.damping_nm_s_rad - theirs).abs() < 1e-6 * theirs, "{ours:?} {theirs}");
+    assert!(theirs > 1.0);
+}
 
 #[test]
 fn models_made_here_move_as_in_mujoco() {

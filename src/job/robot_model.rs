@@ -106,6 +106,17 @@ pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
     };
     let mut reduced = reduced.map_err(in_file)?;
     find_looks(&mut reduced, folder, &order.file);
+    let has_servos = |body: &profiles::Body| body.servos.is_some();
+    let own = order.robot.as_ref().map(|robot| profiles::robot(robot)).transpose()?;
+    if own.is_some_and(|robot| robot.body.as_ref().is_some_and(has_servos)) {
+        // Whoever wrote them down knows its servos better than a model does.
+        reduced.joints.iter_mut().for_each(|joint| joint.holds = None);
+    } else if reduced.joints.iter().all(|joint| joint.holds.is_some() || !joint.follows.is_empty())
+    {
+        let note =
+            "how its servos give way is the model's ([body.servos]): falls are predicted by it";
+        reduced.notes.push(note.to_owned());
+    }
     let text = match &order.robot {
         Some(robot) => {
             let body = found.body_text(&reduced, &words);

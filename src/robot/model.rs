@@ -14,7 +14,7 @@ pub use written::{DraftServo, Provenance};
 
 use crate::error::{Error, ErrorKind};
 use crate::rigid::{Capsule, Cuboid, JointKind, Mass, Placement, Tree, Volume};
-use gaitway_profiles::BaseKind;
+use gaitway_profiles::{BaseKind, Yielding};
 use glam::{DQuat, DVec3};
 
 /// Limits as wide as this are what an exporter writes when nobody told it any, rad.
@@ -56,6 +56,8 @@ pub struct MovingJoint {
     pub velocity_rad_s: Option<f64>,
     /// Something drives it.
     pub driven: bool,
+    /// How that holds it, if the model says so: a spring and a damper between goal and joint.
+    pub holds: Option<Yielding>,
 }
 
 /// A mesh that a link looks like.

@@ -10,6 +10,8 @@ use glam::{DMat3, DQuat, DVec3};
 use roxmltree::{Document, Node};
 use std::collections::BTreeMap;
 
+mod servos;
+
 /// Density of a geom that does not say, kg/m³.
 const DENSITY_KG_M3: f64 = 1000.0;
 /// A tendon held this near to zero, rad, ties its joints together.
@@ -49,10 +51,16 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
         notes.push(format!("no mass is written for {names}: it would come from meshes"));
     }
     let name = root.attribute("model").unwrap_or("robot");
+    let servos = reader.servos(root);
+    let tree = Tree::new(reader.tree, couplings)?;
+    for servo in servos {
+        let joint = &mut reader.joints[servo.joint];
+        joint.holds = Some(servo.holds(&tree, joint.link));
+    }
     Ok(PublicModel {
         name: shown(name),
         format: "MJCF",
-        tree: Tree::new(reader.tree, couplings)?,
+        tree,
         base,
         joints: reader.joints,
         volumes: reader.volumes,
@@ -420,7 +428,8 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         };
         let of = &mut self.tree[link];
         (of.kind, of.axis, of.anchor_m) = (kind, axis, anchor_m);
-        self.joints.push(MovingJoint { name, link, range, velocity_rad_s: None, driven: false });
+        let (velocity_rad_s, driven, holds) = (None, false, None);
+        self.joints.push(MovingJoint { name, link, range, velocity_rad_s, driven, holds });
         Ok(())
     }
 

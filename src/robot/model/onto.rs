@@ -7,7 +7,7 @@
 use super::{LinkMesh, MovingJoint, PublicModel, shown, some};
 use crate::error::{Error, ErrorKind, counted};
 use crate::rigid::{JointKind, Mass, Placement, Volume};
-use gaitway_profiles::{BaseKind, Robot};
+use gaitway_profiles::{BaseKind, Robot, Yielding};
 use glam::{DQuat, DVec3};
 
 /// How far apart two axes may lie that are the same joint's, m.
@@ -40,6 +40,8 @@ pub struct OwnJoint {
     pub follows: Vec<(usize, f64)>,
     /// Its angle with those at zero, rad.
     pub offset_rad: f64,
+    /// How its servo holds it, if the model says so.
+    pub holds: Option<Yielding>,
 }
 
 /// What moves with one joint of the robot, in axes parallel to the base's at zero, from that joint.
@@ -134,6 +136,7 @@ impl PublicModel {
                 velocity_rad_s: joint.velocity_rad_s,
                 follows: terms.iter().filter_map(|&(l, r)| Some((owner(l)?, r))).collect(),
                 offset_rad: of.map_or(0.0, |of| of.offset),
+                holds: joint.holds,
             });
         }
         for (index, joint) in joints.iter().enumerate() {
@@ -271,6 +274,7 @@ impl PublicModel {
                 velocity_rad_s: None,
                 follows: Vec::new(),
                 offset_rad: 0.0,
+                holds: found.holds,
             });
         }
         for (index, joint) in joints.iter().enumerate() {

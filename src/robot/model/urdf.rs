@@ -215,7 +215,8 @@ impl Hung {
             _ => None,
         };
         let velocity_rad_s = value("velocity")?.filter(|speed| *speed > 0.0);
-        Ok(MovingJoint { name: name.to_owned(), link, range, velocity_rad_s, driven: true })
+        let (name, driven, holds) = (name.to_owned(), true, None);
+        Ok(MovingJoint { name, link, range, velocity_rad_s, driven, holds })
     }
 }
 

@@ -4,7 +4,7 @@ use super::PublicModel;
 use super::onto::{OwnJoint, Reduced, ReducedLink};
 use crate::error::counted;
 use crate::rigid::Volume;
-use gaitway_profiles::BaseKind;
+use gaitway_profiles::{BaseKind, Yielding};
 use glam::{DQuat, DVec3};
 use std::fmt::Write;
 
@@ -14,6 +14,10 @@ const NARROW_RAD: f64 = 0.5;
 const SLOW_RAD_S: f64 = 1.0;
 /// Full speed is reached in this time, s.
 const RAMP_S: f64 = 0.2;
+
+/// Where a model says how servos hold joints.
+const SERVO_SOURCE: &str =
+    "the same model: its position actuators, and what its joints say of themselves";
 
 /// What a model does not say of itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -69,6 +73,7 @@ pub(super) fn body(model: &PublicModel, reduced: &Reduced, words: &Provenance) -
         "[body]\nbase = {base:?}\nsource = {:?}\nlicence = {:?}\nshape_source = {:?}",
         words.source, words.licence, words.shape_source
     );
+    out.push_str(&servos(&reduced.joints).unwrap_or_default());
     for joint in reduced.joints.iter().filter(|joint| !joint.follows.is_empty()) {
         let _ = writeln!(out, "\n[[body.coupled]]\nname = {:?}", joint.name);
         let terms = joint.follows.iter().map(|&(of, ratio)| {
@@ -85,6 +90,42 @@ pub(super) fn body(model: &PublicModel, reduced: &Reduced, words: &Provenance) -
         link(&mut out, of, &reduced.joints);
     }
     out
+}
+
+/// How servos hold joints, if the model says so of all that are driven: what most have, and then all others.
+fn servos(joints: &[OwnJoint]) -> Option<String> {
+    let driven = joints.iter().filter(|joint| joint.follows.is_empty());
+    let mut kinds: Vec<(Yielding, Vec<&str>)> = Vec::new();
+    for joint in driven {
+        let holds = joint.holds?;
+        match kinds.iter_mut().find(|(kind, _)| *kind == holds) {
+            Some((_, names)) => names.push(&joint.name),
+            None => kinds.push((holds, vec![&joint.name])),
+        }
+    }
+    // Of kinds that are as many the first: the sort is stable.
+    kinds.sort_by_key(|(_, names)| std::cmp::Reverse(names.len()));
+    let numbers = |of: &Yielding| {
+        let friction = match of.friction_nm {
+            0.0 => String::new(),
+            friction_nm => format!("friction_nm = {}\n", number(friction_nm)),
+        };
+        format!(
+            "stiffness_nm_rad = {}\ndamping_nm_s_rad = {}\narmature_kg_m2 = {}\n{friction}torque_nm = {}\n",
+            number(of.stiffness_nm_rad),
+            number(of.damping_nm_s_rad),
+            number(of.armature_kg_m2),
+            number(of.torque_nm)
+        )
+    };
+    let ((usual, _), others) = kinds.split_first()?;
+    let mut out = format!("\n[body.servos]\n{}source = {SERVO_SOURCE:?}\n", numbers(usual));
+    for (holds, names) in others {
+        let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+        let (names, numbers) = (names.join(", "), numbers(holds));
+        let _ = write!(out, "\n[[body.servos.other]]\njoints = [{names}]\n{numbers}");
+    }
+    Some(out)
 }
 
 fn mounted(out: &mut String, joint: &OwnJoint, joints: &[OwnJoint]) {
