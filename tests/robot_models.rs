@@ -374,9 +374,18 @@ fn damping_as_a_part_of_the_critical_one_is_that_of_what_a_joint_carries() {
         r#"<position joint="j" kp="-3"/>"#,
         r#"<position joint="j" kp="nan"/>"#,
         r#"<general joint="j" gainprm="30" biastype="affine" biasprm="0 -20 -1" forcerange="-4 4"/>"#,
+        // MuJoCo's default of a position servo is one of all actuators.
+        r#"<general joint="j" gainprm="30" biastype="affine" biasprm="0 -30 -1" forcerange="-4 4"/>"#,
+        r#"<position joint="j" kv="2" dampratio="1"/>"#,
+        r#"<position joint="j" forcerange="2 8"/>"#,
+        r#"<position joint="j" timeconst="0.5"/>"#,
+        r#"<position joint="j" class="none"/>"#,
+        r#"<position joint="j"/><motor jointinparent="k"/>"#,
     ] {
         assert_eq!(read(none), None, "{none}");
     }
+    let turned = read(r#"<position joint="j" gear="2" armature="0.5"/>"#).expect("a servo");
+    assert_eq!(turned.armature_kg_m2, 2.02);
     let Ok(python) = python::python() else {
         aloud!("SKIPPED: damping as a part of the critical one was not held against MuJoCo's");
         return;

@@ -836,8 +836,8 @@ fn servos_of_a_body_give_way_by_numbers_that_something_can_have_each_joint_by_it
     let with = |joints: &str| format!("joints = [{joints}]\nstiffness_nm_rad = 14.1797");
     refuse(neck, &with(""), "names no joint", &first("joints"));
     refuse(neck, &with("\"tail\""), "no such joint", &first("joints"));
-    refuse(neck, &with("\"neck_yaw\", \"neck_yaw\""), "stands once", &first("joints"));
-    refuse(neck, &with("\"neck_pitch\""), "stands once", &of("other 2, joints"));
+    refuse(neck, &with("\"neck_yaw\", \"neck_yaw\""), "named twice", &first("joints"));
+    refuse(neck, &with("\"neck_pitch\""), "named twice", &of("other 2, joints"));
     refuse(
         "stiffness_nm_rad = 14.1797",
         "stiffness_nm_rad = 0",

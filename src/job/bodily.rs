@@ -30,17 +30,16 @@ pub(super) const INSTEAD: &str = "--hang if it hangs on a stand, --only for some
 pub(super) const TOO_SOFT: &str =
     "with servos as its file has them ([body.servos]) the robot does not stand on its own feet";
 /// What helps such a robot.
-pub(super) const STIFFER: &str =
-    "stiffer gains in its servos, and these in [body.servos] of a robot file of your own";
+pub(super) const STIFFER: &str = "--hang if it hangs on a stand, --allow-fall to let it fall, or stiffer gains in its servos, and these in \
+                                  [body.servos] of a robot file of your own";
 
 /// A line about a fall that is predicted, if one is.
 pub(super) fn fall_note(figures: &BodyFigures) -> Option<String> {
     let at_s = figures.predicted_fall_s?;
     let told = match figures.still_fall_s {
-        Some(still_s) => format!(
-            "{TOO_SOFT}, and would fall at {still_s:.1} s without any motion: --hang if it hangs on a stand, --only for some \
-             joints, or {STIFFER}"
-        ),
+        Some(still_s) => {
+            format!("{TOO_SOFT}: it tips over by itself within {still_s:.1} s; {STIFFER}")
+        }
         None => {
             format!("{WOULD_FALL}, at {at_s:.1} s, and a real one is not sent there: {INSTEAD}")
         }
@@ -73,9 +72,23 @@ const TIPS_S: f64 = 1.0;
 
 /// A motion that was laid, and what it does to all of the robot.
 pub(super) struct Laid {
+    /// How many times as long as joints need the way to the first pose takes.
+    calm: f64,
     pub(super) planned: Plan,
     pub(super) base: Option<BasePath>,
     pub(super) figures: BodyFigures,
+}
+
+impl Laid {
+    /// A line about a way to the first pose that takes longer than joints need.
+    pub(super) fn calm_note(&self) -> Option<String> {
+        (self.calm > 1.0).then(|| {
+            format!(
+                "the way to the first pose takes {:.0} times as long as joints need: on a shorter one the robot would fall",
+                self.calm
+            )
+        })
+    }
 }
 
 /// Lays a motion from this pose of the robot's joints, rad, and looks at it. If the robot would fall on its way to the first pose, that
@@ -95,7 +108,7 @@ pub(super) fn laid(
         let planned = plan(start_rad, &path, &robot.limits(), PlanOptions { calm, ..options })?;
         let asked = path.stretched(1.0 / options.speed);
         let (base, figures) = look(robot, motion, &asked, &planned, hangs)?;
-        Ok::<_, Error>(Laid { planned, base, figures })
+        Ok::<_, Error>(Laid { calm, planned, base, figures })
     };
     let usual = calmly(1.0)?;
     let Laid { planned, figures, .. } = &usual;

@@ -404,7 +404,7 @@ pub(super) fn prepare(
     report: &mut PlayReport,
 ) -> Result<Prepared, Error> {
     let robot = &laid_for(connection.link.robot(), options)?;
-    let (Laid { planned, base, figures: metrics, .. }, foreseen) = {
+    let (laid, foreseen) = {
         let (robot, start_rad) = (robot.clone(), found.start_rad.clone());
         let (motion, options) = (motion.clone(), options.clone());
         let looks = observer.looks();
@@ -433,6 +433,8 @@ pub(super) fn prepare(
             Ok((laid, foreseen))
         })?
     };
+    report.notes.extend(laid.calm_note());
+    let Laid { planned, base, figures: metrics, .. } = laid;
     describe_plan(report, connection.link.robot(), &planned, motion);
     report.metrics = Some(metrics.clone());
     if !options.allow_fall {
@@ -456,12 +458,9 @@ fn may_fall(figures: &BodyFigures, is_virtual: bool, report: &mut PlayReport) ->
     Err(match figures.still_fall_s {
         Some(still_s) => Error::of(ErrorKind::OutsideLimits, bodily::TOO_SOFT)
             .at(format!("{still_s:.2} s, without any motion"))
-            .got("servos that give way more than its weight does on its soles")
+            .got("it tips over by itself: its servos give way further than its weight bears")
             .allowed("a robot that stands by itself")
-            .remedy(format!(
-                "--hang if it hangs on a stand, --only for some joints, or {}",
-                bodily::STIFFER
-            )),
+            .remedy(bodily::STIFFER),
         None => Error::of(ErrorKind::OutsideLimits, bodily::WOULD_FALL)
             .at(format!("{at_s:.2} s"))
             .got("its weight leaves its soles for too long, or its servos give way too far")

@@ -104,8 +104,9 @@ impl Retargeted {
             retime: order.retime.unwrap_or(loaded.of_person),
             ..PlanOptions::default()
         };
-        let Laid { planned, base, figures: metrics, .. } =
-            bodily::laid(&robot, &start_rad, &loaded, options, order.hangs)?;
+        let laid = bodily::laid(&robot, &start_rad, &loaded, options, order.hangs)?;
+        let calm_note = laid.calm_note();
+        let Laid { planned, base, figures: metrics, .. } = laid;
         let rate_hz = order.rate_hz.unwrap_or(robot.file.rate_hz);
         let bytes = match order.kind {
             TrajectoryFile::Csv => Some(csv(&planned, base.as_ref(), rate_hz)?),
@@ -134,6 +135,7 @@ impl Retargeted {
             let (motion, planned, metrics, series) = (&loaded, &planned, &metrics, &series);
             RobotScene { robot, motion, planned, speed, base, metrics, series }.view()
         });
+        report.notes.extend(calm_note);
         report.notes.extend(bodily::fall_note(&metrics).filter(|_| !order.allow_fall));
         report.notes.extend(bodily::soft_note(&metrics));
         report.notes.extend(bodily::weak_note(&metrics));

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, ErrorKind, counted};
 use crate::robot::model::surface::Surface;
-use crate::robot::model::{self, DraftServo, LinkMesh, Provenance, PublicModel, Reduced};
+use crate::robot::model::{self, DraftServo, LinkMesh, OwnJoint, Provenance, PublicModel, Reduced};
 use gaitway_profiles::{self as profiles, BaseKind};
 use serde::Serialize;
 use std::fs::File;
@@ -106,16 +106,25 @@ pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
     };
     let mut reduced = reduced.map_err(in_file)?;
     find_looks(&mut reduced, folder, &order.file);
-    let has_servos = |body: &profiles::Body| body.servos.is_some();
-    let own = order.robot.as_ref().map(|robot| profiles::robot(robot)).transpose()?;
-    if own.is_some_and(|robot| robot.body.as_ref().is_some_and(has_servos)) {
-        // Whoever wrote them down knows its servos better than a model does.
-        reduced.joints.iter_mut().for_each(|joint| joint.holds = None);
-    } else if reduced.joints.iter().all(|joint| joint.holds.is_some() || !joint.follows.is_empty())
-    {
-        let note =
-            "how its servos give way is the model's ([body.servos]): falls are predicted by it";
-        reduced.notes.push(note.to_owned());
+    let own = order.robot.as_ref().map(|robot| profiles::robot_text(robot)).transpose()?;
+    let keeps = own.is_some_and(|text| text.contains("\n[body.servos]"));
+    let told = |joint: &&OwnJoint| joint.follows.is_empty() && joint.holds.is_some();
+    let untold = reduced.joints.iter().find(|of| of.follows.is_empty() && of.holds.is_none());
+    match (reduced.joints.iter().filter(told).count(), untold) {
+        // Whoever wrote them down knows the servos better than a model does.
+        _ if keeps => reduced.joints.iter_mut().for_each(|joint| joint.holds = None),
+        (0, _) => {}
+        (_, None) => {
+            let note = "how its servos give way is the model's ([body.servos])";
+            reduced.notes.push(note.to_owned());
+        }
+        (_, Some(joint)) => {
+            let note = format!(
+                "how servos give way is left out, since the model does not say it of {}: a spring, and its most torque",
+                joint.name
+            );
+            reduced.notes.push(note);
+        }
     }
     let text = match &order.robot {
         Some(robot) => {

@@ -158,7 +158,7 @@ impl Nodes {
     }
 }
 
-/// Whether links are in one another at any time in `angles_rad[joint][pose]`.
+/// Whether links are in one another in any pose of `angles_rad[joint][pose]`, looked at as often as [`adjust`] does.
 #[must_use]
 pub fn touches_itself(of: &Adjusting<'_>, angles_rad: &[Vec<f64>]) -> bool {
     let solver = Solver::new(of.robot);

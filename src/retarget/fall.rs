@@ -13,7 +13,7 @@ const STEP_S: f64 = 0.002;
 const AFTER_S: f64 = 1.0;
 /// A trunk that is turned this far from where it should be is lost, rad.
 const LOST_RAD: f64 = 0.7;
-/// A base that is lower than this part of where it should be is lost.
+/// Whose weight is lower than this part of where it should be is lost.
 const LOW: f64 = 0.6;
 
 /// Servos that are soft are so many times as stiff: as with a body that weighs a fifth more, and less of a charge.
@@ -60,6 +60,7 @@ impl OnFloor<'_> {
         let last = poses.len() - 1;
         let end_s = last as f64 / path.rate_hz + AFTER_S;
         let mut goals = angles;
+        let (mut looked, mut wanted_m) = (None, 0.0);
         for step in 1..=(end_s / STEP_S) as usize {
             let along = (step as f64 * STEP_S * path.rate_hz).min(last as f64);
             let (before, share) = (along as usize, along.fract());
@@ -68,10 +69,17 @@ impl OnFloor<'_> {
                 *goal = from + (to - from) * share;
             }
             let wanted = path.places[before];
+            if looked != Some(before) {
+                let placed = body.tree.place(wanted, &body.angles(&poses[before]));
+                wanted_m = body.tree.centre_of_mass_m(&placed).z;
+                looked = Some(before);
+            }
             let is_up = moving.drive(&drives, &goals, STEP_S) && {
-                let is = moving.base();
-                let off_rad = (is.turn * DVec3::Z).angle_between(wanted.turn * DVec3::Z);
-                off_rad < LOST_RAD && is.at_m.z > LOW * wanted.at_m.z
+                let is_m = body.tree.centre_of_mass_m(&moving.placed()).z;
+                let turn = moving.base().turn;
+                let off_rad = (turn * DVec3::Z).angle_between(wanted.turn * DVec3::Z);
+                // Of its weight and not of its base, which may lie on the floor.
+                off_rad < LOST_RAD && is_m > LOW * wanted_m
             };
             if !is_up {
                 return Some(before);

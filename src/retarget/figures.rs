@@ -258,7 +258,7 @@ impl BodyMotion<'_> {
             figures.predicted_fall_s = lost_s(on);
             figures.soft_fall_s = figures.predicted_fall_s.or_else(|| lost_s(on.softly()));
             if figures.predicted_fall_s.is_some() {
-                let still = vec![self.start_rad.to_vec(); (STILL_S * self.rate_hz) as usize + 1];
+                let still = vec![self.poses[0].clone(); (STILL_S * self.rate_hz) as usize + 1];
                 let path = &base::path(body, soles, held, &still, self.rate_hz, |_| None);
                 figures.still_fall_s = lost_s(OnFloor { poses: &still, path, ..on });
             }

@@ -163,6 +163,27 @@ impl Moving {
         Self { is_fixed: true, ..self }
     }
 
+    /// What inertia a torque on each joint feels that moves by itself, all else free to move, kg m²; nothing of others, or if that has no
+    /// answer. `armature_kg_m2` turns with each joint that moves.
+    #[must_use]
+    pub fn felt_kg_m2(&self, armature_kg_m2: &[f64]) -> Vec<Option<f64>> {
+        let mut mass = self.masses(&self.placed());
+        for (row, at) in self.own.iter().enumerate() {
+            mass[(6 + row, 6 + row)] += armature_kg_m2[*at];
+        }
+        let mut felt = vec![None; self.tree.moving()];
+        if self.is_fixed {
+            hold_base(&mut mass, &mut DVector::zeros(6 + self.own.len()));
+        }
+        if let Some(factor) = mass.cholesky() {
+            let inverse = factor.inverse();
+            for (row, at) in self.own.iter().enumerate() {
+                felt[*at] = Some(1.0 / inverse[(6 + row, 6 + row)]);
+            }
+        }
+        felt
+    }
+
     /// What is done from outside in the steps to come: forces at the centres of mass of links, N, and how much the floor
     /// falls along its X and Y axis, rad, less than a right angle. Axes are those of the floor.
     pub fn disturb(&mut self, forces_n: Vec<(usize, DVec3)>, slope_rad: [f64; 2]) {

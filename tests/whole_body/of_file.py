@@ -18,9 +18,9 @@ def text(values):
 def shapes(link):
     found = []
     for box in link.get("boxes", []):
-        x, y, z, w = box.get("turn", [0.0, 0.0, 0.0, 1.0])
+        turn = box.get("turn", [1.0, 0.0, 0.0, 0.0])
         size, at = text(box["half_m"]), text(box["centre_m"])
-        found.append(f'type="box" size="{size}" pos="{at}" quat="{text([w, x, y, z])}"')
+        found.append(f'type="box" size="{size}" pos="{at}" quat="{text(turn)}"')
     for capsule in link.get("capsules", []):
         size, ends = capsule["radius_m"], [capsule["from_m"], capsule["to_m"]]
         one = f'fromto="{text(ends[0] + ends[1])}"'

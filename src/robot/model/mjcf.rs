@@ -53,10 +53,7 @@ pub(super) fn read(document: &Document<'_>, meshes: &mut Meshes<'_>) -> Result<P
     let name = root.attribute("model").unwrap_or("robot");
     let servos = reader.servos(root);
     let tree = Tree::new(reader.tree, couplings)?;
-    for servo in servos {
-        let joint = &mut reader.joints[servo.joint];
-        joint.holds = Some(servo.holds(&tree, joint.link));
-    }
+    servos.onto(&mut reader.joints, &tree, base);
     Ok(PublicModel {
         name: shown(name),
         format: "MJCF",

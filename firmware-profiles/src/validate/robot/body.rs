@@ -78,14 +78,15 @@ fn give_way(file: &str, servos: &BodyServos, driven: &BTreeSet<&str>, faults: &m
         holds(file, &place, other.each(), faults);
         let refuse = |what: &str| ProfileError::new(file, what).at(format!("{place}, joints"));
         if other.joints.is_empty() {
-            faults.note(Err(refuse("it names no joint")));
+            faults.note(Err(refuse("it names no joint").allowed("one joint or more")));
         }
         for joint in &other.joints {
             if !driven.contains(joint.as_str()) {
-                faults.note(Err(refuse("the robot has no such joint").got(joint)));
+                let known = driven.iter().copied().collect::<Vec<_>>().join(", ");
+                faults.note(Err(refuse("the robot has no such joint").got(joint).allowed(known)));
             }
             if !seen.insert(joint) {
-                faults.note(Err(refuse("a joint stands once").got(joint)));
+                faults.note(Err(refuse("this joint is named twice").got(joint)));
             }
         }
     }
