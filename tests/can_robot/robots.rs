@@ -140,7 +140,7 @@ pub fn berkeley_legs() -> String {
             of_a_leg(block)
         } else {
             // What the whole body weighs its legs do not.
-            !(block.starts_with("body]") || block.starts_with("[body."))
+            !block.trim_start_matches('[').starts_with("body")
         };
         if keep && block.starts_with("anatomy]") {
             let poses = block.lines().filter(|line| !line.contains("shoulder"));
