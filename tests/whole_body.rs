@@ -250,6 +250,7 @@ fn an_action_in_which_a_robot_would_be_in_itself_is_moved_and_no_other() {
         ("toddlerbot", "wave-r", &[][..], true),
         ("toddlerbot", "wave-r", &["--hang"], true),
         ("op3", "bow", &["--hang"], false),
+        ("op3", "box-r", &[], true),
     ] {
         let name = format!("apart-{robot}-{motion}-{}", more.len());
         let (_, report) = retargeted_on(robot, motion, &name, more).expect("a table");

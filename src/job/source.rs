@@ -113,7 +113,7 @@ pub struct MotionOrder {
     pub mirror: bool,
     /// The robot hangs on a stand: its feet need not stand on anything.
     pub hangs: bool,
-    /// How fast it will be played, if it may be moved and slowed for a robot's balance.
+    /// How fast it will be played, if it may be moved, out of itself and for a robot's balance, and slowed.
     pub balanced_at: Option<f64>,
     /// A fall is accepted: rather that than a motion whose person waits for the robot's feet.
     pub may_fall: bool,
@@ -240,7 +240,8 @@ pub(super) fn of_person(
             retargeted.notes.push(standing.note);
             (footfalls, clock) = (standing.footfalls, standing.clock);
         } else if !exact
-            || touches_itself(&placed.adjusting(*rate_hz, None), &retargeted.positions_rad)
+            || order.balanced_at.is_some()
+                && touches_itself(&placed.adjusting(*rate_hz, None), &retargeted.positions_rad)
         {
             if stands {
                 let lengths = Proportions::of_stature(capture.stature_m)?;
