@@ -9,7 +9,7 @@ use aloud::aloud;
 use gaitway::rigid::{Capsule, Placement, TreeMotion, Volume};
 use gaitway::robot::body::RobotBody;
 use gaitway::robot::model::surface::Surface;
-use gaitway::robot::model::{self, PublicModel};
+use gaitway::robot::model::{self, DraftServo, Provenance, PublicModel};
 use gaitway::robot::urdf_text::urdf;
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -298,6 +298,28 @@ const MADE_URDF: &str = r#"<robot name="made">
   <joint name="c" type="continuous"><parent link="two"/><child link="three"/><axis xyz="1 0 0"/>
     <mimic joint="a" multiplier="-0.5" offset="0.2"/></joint>
 </robot>"#;
+
+#[test]
+fn words_that_rust_writes_otherwise_are_words_in_toml() {
+    let text =
+        "<mujoco model='e\u{301}'><worldbody><body name='base'><freejoint/><geom size='0.1'/>
+        <body name='arm'><joint name='j'/><geom size='0.1'/></body></body></worldbody></mujoco>";
+    let found = model::read(text, &mut |_| Err("none".to_owned())).expect("a model");
+    let reduced = found.on_its_own().expect("a joint");
+    let words = Provenance {
+        source: "here\u{200b} \"and\" \\ there".to_owned(),
+        licence: "none\u{301}".to_owned(),
+        shape_source: "\u{feff}here".to_owned(),
+    };
+    let (name, fastest_rad_s) = (Some("xm430-w350".to_owned()), Some(1.0));
+    let servo = DraftServo { name, fastest_rad_s, baud_bps: 1_000_000 };
+    let draft = found.draft_text(&reduced, &words, "drafted", &servo);
+    let robot = gaitway_profiles::parse_robot("drafted.toml", &draft).expect("a robot");
+    assert_eq!(robot.source, words.source);
+    let body = robot.body.expect("a body");
+    assert_eq!((body.licence, body.shape_source), (words.licence, words.shape_source));
+    assert!(robot.description.starts_with("e\u{301}, "), "{}", robot.description);
+}
 
 #[test]
 fn servos_that_pull_to_a_position_hold_joints_as_in_mujoco() {

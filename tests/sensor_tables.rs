@@ -390,6 +390,7 @@ fn what_is_wrong_in_a_declaration_is_said() {
         (&format!("{sensor}acceleration_unit = \"ft\""), "not a unit of acceleration".to_owned()),
         (&format!("{sensor}rate_scale = 0"), "no scale".to_owned()),
         (&format!("{sensor}forward = \"sideways\""), "30 deg from x to y, or none".to_owned()),
+        (&format!("{sensor}forward = [1, 0]"), "30 deg from x to y, or none".to_owned()),
         (&format!("{sensor}segment = \"wing\""), "sensor a".to_owned()),
         (&format!("{sensor}[[sensor]]\nname = \"a\""), "declared twice".to_owned()),
     ] {

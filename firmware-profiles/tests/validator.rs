@@ -844,12 +844,21 @@ fn servos_of_a_body_give_way_by_numbers_that_something_can_have_each_joint_by_it
         "above zero",
         &first("stiffness_nm_rad"),
     );
+    for (from, to, what) in [
+        ("friction_nm = 0.0154\n", "friction_n = 0.0154\n", "friction_n"),
+        ("damping_nm_s_rad = 0.16214\n", "", "damping_nm_s_rad"),
+        ("damping_nm_s_rad = 0.12\n", "", "damping_nm_s_rad"),
+        ("torque_nm = 1.089", "torque_nm = \"much\"", "much"),
+    ] {
+        let error = parse_robot("toddlerbot.toml", &changed(&text, from, to)).expect_err(to);
+        assert!(error.to_string().contains(what), "{what}: {error}");
+    }
     let servos = parse_robot("toddlerbot.toml", &text).unwrap().body.unwrap().servos.unwrap();
     let [knee, neck, hand] =
         ["left_knee", "neck_yaw", "left_wrist_roll"].map(|name| servos.of(name));
     assert_eq!((knee.stiffness_nm_rad, knee.friction_nm), (21.0938, 0.134));
     assert_eq!((neck.stiffness_nm_rad, neck.torque_nm), (14.1797, 1.089));
-    assert_eq!(hand, servos.usual());
+    assert_eq!(hand, servos.usual);
 }
 
 #[test]

@@ -106,11 +106,34 @@ pub struct BalanceJoint {
     pub pitch_s: f64,
 }
 
-/// How servos hold joints: as springs with dampers between goal and joint. The numbers are those of all joints that no `other`
-/// names.
+/// How servos hold joints: as springs with dampers between goal and joint.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyServos {
+    /// Those of all joints that no `other` names.
+    #[serde(flatten)]
+    pub usual: Yielding,
+    /// Joints of other servos, or behind gears.
+    #[serde(default, rename = "other")]
+    pub others: Vec<OtherServos>,
+    /// Where these numbers come from.
+    pub source: String,
+}
+
+/// Servos that hold some joints otherwise than all the rest.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OtherServos {
+    /// Names of these joints.
+    pub joints: Vec<String>,
+    /// How each is held.
+    #[serde(flatten)]
+    pub each: Yielding,
+}
+
+/// How one servo holds its joint.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+pub struct Yielding {
     /// Torque for a radian between goal and joint, N m/rad.
     pub stiffness_nm_rad: f64,
     /// Torque against a speed of a radian a second, N m s/rad.
@@ -122,45 +145,6 @@ pub struct BodyServos {
     pub friction_nm: f64,
     /// Most torque, N m.
     pub torque_nm: f64,
-    /// Joints of other servos, or behind gears.
-    #[serde(default, rename = "other")]
-    pub others: Vec<OtherServos>,
-    /// Where these numbers come from.
-    pub source: String,
-}
-
-/// Servos that hold some joints otherwise than all the rest. Units as in [`BodyServos`].
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct OtherServos {
-    /// Names of these joints.
-    pub joints: Vec<String>,
-    /// Torque for a radian between goal and joint.
-    pub stiffness_nm_rad: f64,
-    /// Torque against a speed of a radian a second.
-    pub damping_nm_s_rad: f64,
-    /// What turns with the motor.
-    pub armature_kg_m2: f64,
-    /// Torque against any motion; absent: none.
-    #[serde(default)]
-    pub friction_nm: f64,
-    /// Most torque.
-    pub torque_nm: f64,
-}
-
-/// How one servo holds its joint. Units as in [`BodyServos`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Yielding {
-    /// Torque for a radian between goal and joint.
-    pub stiffness_nm_rad: f64,
-    /// Torque against a speed of a radian a second.
-    pub damping_nm_s_rad: f64,
-    /// What turns with the motor.
-    pub armature_kg_m2: f64,
-    /// Torque against any motion.
-    pub friction_nm: f64,
-    /// Most torque.
-    pub torque_nm: f64,
 }
 
 impl BodyServos {
@@ -168,33 +152,7 @@ impl BodyServos {
     #[must_use]
     pub fn of(&self, joint: &str) -> Yielding {
         let other = self.others.iter().find(|of| of.joints.iter().any(|name| name == joint));
-        other.map_or_else(|| self.usual(), OtherServos::each)
-    }
-
-    /// How all servos hold their joints that no other names.
-    #[must_use]
-    pub const fn usual(&self) -> Yielding {
-        Yielding {
-            stiffness_nm_rad: self.stiffness_nm_rad,
-            damping_nm_s_rad: self.damping_nm_s_rad,
-            armature_kg_m2: self.armature_kg_m2,
-            friction_nm: self.friction_nm,
-            torque_nm: self.torque_nm,
-        }
-    }
-}
-
-impl OtherServos {
-    /// How each of these servos holds its joint.
-    #[must_use]
-    pub const fn each(&self) -> Yielding {
-        Yielding {
-            stiffness_nm_rad: self.stiffness_nm_rad,
-            damping_nm_s_rad: self.damping_nm_s_rad,
-            armature_kg_m2: self.armature_kg_m2,
-            friction_nm: self.friction_nm,
-            torque_nm: self.torque_nm,
-        }
+        other.map_or(self.usual, |of| of.each)
     }
 }
 

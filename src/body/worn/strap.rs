@@ -7,7 +7,10 @@ use serde::{Deserialize, Serialize};
 /// What of a sensor was to point forward in N pose: an axis of it (`"-y"`), any direction in its axes (`[0.86, 0.5, 0]`), a
 /// direction between two axes (`"30 deg from x to y"`), or nobody knows what (`"none"`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "no direction of a sensor: x, -x, y, -y, z, -z, [x, y, z], 30 deg from x to y, or none"
+)]
 pub enum StrapDirection {
     /// In words.
     Words(String),

@@ -55,6 +55,11 @@ fn number(value: f64) -> String {
     plain
 }
 
+/// Words of a stranger's: not all of them are written alike in Rust and in TOML.
+fn quoted(text: &str) -> String {
+    toml::Value::from(text).to_string()
+}
+
 /// Lengths, to a tenth of a micrometre.
 fn lengths(of: DVec3) -> String {
     let values = of.to_array().map(|value| number((value * 1e7).round() / 1e7));
@@ -70,8 +75,10 @@ pub(super) fn body(model: &PublicModel, reduced: &Reduced, words: &Provenance) -
     };
     let _ = writeln!(
         out,
-        "[body]\nbase = {base:?}\nsource = {:?}\nlicence = {:?}\nshape_source = {:?}",
-        words.source, words.licence, words.shape_source
+        "[body]\nbase = {base:?}\nsource = {}\nlicence = {}\nshape_source = {}",
+        quoted(&words.source),
+        quoted(&words.licence),
+        quoted(&words.shape_source)
     );
     out.push_str(&servos(&reduced.joints).unwrap_or_default());
     for joint in reduced.joints.iter().filter(|joint| !joint.follows.is_empty()) {
@@ -193,8 +200,7 @@ fn link(out: &mut String, link: &ReducedLink, joints: &[OwnJoint]) {
             of => format!(", scale = [{}]", of.to_array().map(number).join(", ")),
         };
         let at = lengths(of.at.at_m);
-        // Not every path is written alike in Rust and in TOML.
-        let file = toml::Value::from(of.file.as_str());
+        let file = quoted(&of.file);
         format!("{{ file = {file}{scale}, at_m = {at}{} }}", turned(of.at.turn))
     });
     for (key, list) in [("capsules", capsules), ("boxes", boxes), ("meshes", meshes.collect())] {
@@ -223,17 +229,17 @@ pub(super) fn draft(
         "# Read from the {} model {:?} by `gaitway robot import`. A model does not say how a robot is\n\
          # driven: line, baud_bps, id, servo, direction and offset_rad are placeholders. Look at each\n\
          # before this file drives anything.\n\
-         schema = 1\nname = {name:?}\ndescription = {:?}\nsource = {:?}\n\
+         schema = 1\nname = {name:?}\ndescription = {}\nsource = {}\n\
          acceleration_source = \"assumed: full speed reached in 0.2 s; the model gives no figure\"\n\n\
          [[line]]\nname = \"body\"\nbaud_bps = {}",
         model.format,
         model.name,
-        format!(
+        quoted(&format!(
             "{}, {}, from its public model",
             model.name,
             counted(driven.clone().count(), "joint")
-        ),
-        words.source,
+        )),
+        quoted(&words.source),
         servo.baud_bps
     );
     for (index, joint) in driven.enumerate() {

@@ -71,11 +71,11 @@ pub(super) fn body(file: &str, body: &Body, robot: &Robot, faults: &mut Faults) 
 
 fn give_way(file: &str, servos: &BodyServos, driven: &BTreeSet<&str>, faults: &mut Faults) {
     faults.note(not_empty(file, "body, servos, source", &servos.source));
-    holds(file, "body, servos", servos.usual(), faults);
+    holds(file, "body, servos", servos.usual, faults);
     let mut seen = BTreeSet::new();
     for (at, other) in servos.others.iter().enumerate() {
         let place = format!("body, servos, other {}", at + 1);
-        holds(file, &place, other.each(), faults);
+        holds(file, &place, other.each, faults);
         let refuse = |what: &str| ProfileError::new(file, what).at(format!("{place}, joints"));
         if other.joints.is_empty() {
             faults.note(Err(refuse("it names no joint").allowed("one joint or more")));

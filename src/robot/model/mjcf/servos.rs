@@ -92,7 +92,10 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
     }
 
     fn servo(&self, at: usize, node: Node<'a, 'i>, joint: Node<'a, 'i>) -> Option<Servo> {
-        if !self.is_alone_in_defaults(node) {
+        // It pulls at once, and has nothing of its own that a spring and a damper have not.
+        let more = ["timeconst", "delay", "damping"];
+        let is_plain = more.iter().all(|key| self.first_of(node, 0, key, 0.0) == Some(0.0));
+        if !is_plain || !self.is_alone_in_defaults(node) {
             return None;
         }
         let around = self.class_around(joint);
@@ -120,8 +123,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         (is_sound && pulls).then_some(Servo { joint: at, holds, critical })
     }
 
-    /// Whether the defaults of this actuator's class say nothing of it by another element, which count for all actuators; and whether it pulls
-    /// at once, with nothing of its own that a spring and a damper have not.
+    /// Whether the defaults of this actuator's class say nothing of it by another element: those count for all actuators.
     fn is_alone_in_defaults(&self, node: Node<'a, 'i>) -> bool {
         let class = match node.attribute("class") {
             Some(name) => match self.defaults.class_of.get(name) {
@@ -135,9 +137,7 @@ impl<'a, 'i> Reader<'a, 'i, '_> {
         let sets =
             |class: usize| others().filter_map(move |tag| self.defaults.sets.get(&(class, tag)));
         let says = |set: &Node<'_, '_>| SHARED.iter().any(|key| set.has_attribute(*key));
-        let is_alone = !self.defaults.chain(class).any(|class| sets(class).flatten().any(says));
-        let slow = ["timeconst", "delay", "damping"];
-        is_alone && slow.iter().all(|key| self.first_of(node, 0, key, 0.0) == Some(0.0))
+        !self.defaults.chain(class).any(|class| sets(class).flatten().any(says))
     }
 
     /// Stiffness, damping, and damping as a part of the critical one, of an actuator whose force is a spring's and a damper's.
