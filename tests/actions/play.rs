@@ -80,6 +80,11 @@ fn asked(action: &str) -> (f64, &'static str) {
     most
 }
 
+fn was_moved(report: &Value) -> bool {
+    let notes = report["notes"].as_array().unwrap();
+    notes.iter().any(|note| note.as_str().unwrap().starts_with("moved so that the robot"))
+}
+
 fn judge(report: &Value, name: &str) -> f64 {
     assert_eq!(report["outcome"], "done", "{name}: {report:#}");
     assert_eq!(report["source"]["format"], "action", "{name}");
@@ -93,8 +98,10 @@ fn judge(report: &Value, name: &str) -> f64 {
         let peak = of("peak_acceleration_rad_s2");
         assert!(peak <= of("limit_acceleration_rad_s2") * 1.000_001, "{name}");
     }
+    // An action rests at both ends; what is moved is a table, which is led in and out.
+    let is_moved = was_moved(report);
     for key in ["ease_in_s", "ease_out_s"] {
-        assert_eq!(report[key].as_f64(), Some(0.0), "{name}: {key}: it rests there");
+        assert!(is_moved || report[key].as_f64() == Some(0.0), "{name}: {key}: it rests there");
     }
     report["retime_factor"].as_f64().unwrap()
 }
@@ -103,10 +110,14 @@ fn judge(report: &Value, name: &str) -> f64 {
 #[test]
 fn all_actions_are_done_on_op3_and_slowed_only_where_servos_must() {
     let mut unfair = Vec::new();
+    let mut in_itself = Vec::new();
     aloud!("| action | asked by its own joints | slowed on OP3 | decided by |");
     for name in vocabulary::names() {
         let report = play(name);
         let factor = judge(&report, name);
+        if was_moved(&report) {
+            in_itself.push(name);
+        }
         let (asked, dof) = asked(name);
         let joint = report["retime_joint"].as_str().filter(|_| factor > 1.0).unwrap_or("-");
         aloud!("| {name} | {asked:.2} ({dof}) | {factor:.2} | {joint} |");
@@ -122,6 +133,8 @@ fn all_actions_are_done_on_op3_and_slowed_only_where_servos_must() {
         }
     }
     assert!(unfair.is_empty(), "slowed without a reason: {unfair:?}");
+    // Its upper arms hang beside its chest: done exactly, its forearms would be in it.
+    assert_eq!(in_itself, ["box-l", "box-r", "drink-l", "drink-r"]);
 }
 
 #[test]
@@ -146,9 +159,10 @@ fn on_its_own_feet_a_robot_leads_its_weight_inside_and_what_needs_nothing_is_don
     assert_eq!(kick["metrics"]["predicted_fall_s"], Value::Null, "{kick:#}");
     let hung = play("side-kick-l");
     assert!(kick["duration_s"].as_f64() > hung["duration_s"].as_f64());
-    // Arms that box keep no robot from standing.
-    let (boxes, hung) = (on_feet("box-l", &[]), play("box-l"));
-    assert_eq!((&boxes["duration_s"], &boxes["joints"]), (&hung["duration_s"], &hung["joints"]));
+    // An arm that chops keeps no robot from standing.
+    let (chops, hung) = (on_feet("chop-l", &[]), play("chop-l"));
+    assert!(!was_moved(&chops), "{chops:#}");
+    assert_eq!((&chops["duration_s"], &chops["joints"]), (&hung["duration_s"], &hung["joints"]));
 }
 
 #[test]
