@@ -7,14 +7,17 @@ mod python;
 
 use aloud::aloud;
 use gaitway::rigid::{Capsule, Placement, TreeMotion, Volume};
+use gaitway::robot::Robot;
 use gaitway::robot::body::RobotBody;
 use gaitway::robot::model::surface::Surface;
-use gaitway::robot::model::{self, DraftServo, Provenance, PublicModel};
+use gaitway::robot::model::{self, DraftServo, Provenance, PublicModel, Reduced};
 use gaitway::robot::urdf_text::urdf;
+use gaitway_profiles::{Anatomy, Segment};
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -298,6 +301,280 @@ const MADE_URDF: &str = r#"<robot name="made">
   <joint name="c" type="continuous"><parent link="two"/><child link="three"/><axis xyz="1 0 0"/>
     <mimic joint="a" multiplier="-0.5" offset="0.2"/></joint>
 </robot>"#;
+
+/// The robot file that is drafted of a model, with the anatomy that was guessed.
+fn drafted(found: &PublicModel, reduced: &Reduced) -> gaitway_profiles::Robot {
+    let (name, fastest_rad_s) = (Some("xm430-w350".to_owned()), Some(1.0));
+    let servo = DraftServo { name, fastest_rad_s, baud_bps: 1_000_000 };
+    let here = || "here".to_owned();
+    let words = Provenance { source: here(), licence: here(), shape_source: here() };
+    let text = found.draft_text(reduced, &words, "drafted", &servo);
+    gaitway_profiles::parse_robot("drafted.toml", &text).expect("a draft")
+}
+
+fn played(of: &Anatomy) -> BTreeMap<Segment, String> {
+    of.segments.iter().map(|link| (link.segment, link.joint.clone())).collect()
+}
+
+/// The robots that ship, as URDF, of which nothing but places of joints, masses and shapes is left: which joint moves
+/// what was written by hand.
+#[test]
+fn of_robots_that_ship_the_anatomy_is_guessed_that_somebody_wrote() {
+    for (robot, otherwise, posed) in [
+        ("op3", &[][..], &[][..]),
+        // Its head looks down with its joint at zero.
+        ("op2", &[], &["head_tilt"]),
+        ("toddlerbot", &[], &[]),
+        ("poppy-humanoid", &[], &[]),
+        ("open-duck-mini-v2", &[], &[]),
+        // Behind the elbow one more joint turns the forearm: the file has the elbow.
+        ("berkeley-humanoid-lite", &[Segment::LeftForearm, Segment::RightForearm], &[]),
+    ] {
+        let shipped = Robot::load(robot).expect("a robot");
+        let body = RobotBody::of(&shipped.file).expect("a tree").expect("a body");
+        let text = urdf(robot, &body, &shipped.limits());
+        let found = model::read(&text, &mut |_| Err("none".to_owned())).expect("a model");
+        let mut reduced = found.on_its_own().expect("joints");
+        // A URDF says nothing of soles: they are where the file has them.
+        for link in &mut reduced.links {
+            let name = link.joint.map(|joint| reduced.joints[joint].name.clone());
+            let mut of = shipped.file.body.as_ref().expect("a body").links.iter();
+            let own = of.find(|of| of.joint == name).and_then(|of| of.sole_m.as_ref());
+            link.sole_m = own.into_iter().flatten().map(|corner| DVec3::from(*corner)).collect();
+        }
+        let guessed = found.anatomy(&reduced).unwrap_or_else(|reason| panic!("{robot}: {reason}"));
+        let wrote = shipped.file.anatomy.as_ref().expect("an anatomy");
+        assert_eq!(guessed.base, wrote.base, "{robot}");
+        let (ours, theirs) = (played(&guessed), played(wrote));
+        let all: BTreeSet<Segment> = ours.keys().chain(theirs.keys()).copied().collect();
+        let differ: Vec<Segment> =
+            all.into_iter().filter(|key| ours.get(key) != theirs.get(key)).collect();
+        assert_eq!(differ, otherwise, "{robot}: {ours:?}");
+        let angle_rad = |of: &Anatomy, name: &str| of.n_pose_rad.get(name).copied().unwrap_or(0.0);
+        let off = |name: &&str| (angle_rad(&guessed, name) - angle_rad(wrote, name)).abs() > 0.03;
+        let names = shipped.file.joints.iter().map(|joint| joint.name.as_str());
+        let elsewhere: Vec<&str> = names.filter(off).collect();
+        assert_eq!(elsewhere, posed, "{robot}: {:?}", guessed.n_pose_rad);
+    }
+}
+
+/// Robots whose makers call each joint by what it moves.
+#[test]
+fn of_public_models_the_anatomy_is_guessed_that_names_of_joints_tell() {
+    let Some(robots) = captured::captured("robots") else { return };
+    // Head, trunk; upper arm, forearm, thigh, shank and foot of the left side, then what differs in names of the right.
+    const RIGHT_RAD: f64 = 1.570_796;
+    // How its arms hang: G1's forearms look ahead at zero, T1's arms to its sides.
+    for (file, base, trunk, left, sides, hanging) in [
+        (
+            "unitree_g1/g1.xml",
+            &[Segment::Pelvis][..],
+            &[(Segment::Torso, "waist_pitch_joint")][..],
+            [
+                "left_shoulder_yaw_joint",
+                "left_wrist_roll_joint",
+                "left_hip_yaw_joint",
+                "left_knee_joint",
+                "left_ankle_roll_joint",
+            ],
+            ["left_", "right_"],
+            &[("left_elbow_joint", RIGHT_RAD), ("right_elbow_joint", RIGHT_RAD)][..],
+        ),
+        (
+            "booster_t1/t1.xml",
+            &[Segment::Torso],
+            &[(Segment::Head, "head_pitch"), (Segment::Pelvis, "waist")],
+            [
+                "left_elbow_pitch",
+                "left_elbow_yaw",
+                "left_hip_yaw",
+                "left_knee_pitch",
+                "left_ankle_roll",
+            ],
+            ["left_", "right_"],
+            &[("left_shoulder_roll", -RIGHT_RAD), ("right_shoulder_roll", RIGHT_RAD)],
+        ),
+        (
+            "hightorque_hi/hi_25dof.xml",
+            &[Segment::Torso],
+            // Nothing drives its head and its wrists.
+            &[(Segment::Pelvis, "waist_joint")],
+            [
+                "l_upper_arm_joint",
+                "l_elbow_joint",
+                "l_thigh_joint",
+                "l_calf_joint",
+                "l_ankle_roll_joint",
+            ],
+            ["l_", "r_"],
+            &[],
+        ),
+        // It has no arms, and its hips are far apart to the side.
+        (
+            "open_duck_mini_v2/open_duck_mini_v2_lite.xml",
+            &[Segment::Pelvis, Segment::Torso],
+            &[(Segment::Head, "head_roll")],
+            ["", "", "left_hip_pitch", "left_knee", "left_ankle"],
+            ["left_", "right_"],
+            &[],
+        ),
+    ] {
+        let path = robots.join(file);
+        let text = std::fs::read_to_string(&path).expect("a model");
+        let mut found = model::read(&text, &mut |_| Err("none".to_owned())).expect("a model");
+        found.fill(false);
+        let reduced = found.on_its_own().expect("joints");
+        let guessed = found.anatomy(&reduced).unwrap_or_else(|reason| panic!("{file}: {reason}"));
+        let mut named: BTreeMap<Segment, String> =
+            trunk.iter().map(|(segment, joint)| (*segment, (*joint).to_owned())).collect();
+        let right = left.map(|name| name.replacen(sides[0], sides[1], 1));
+        let left = left.map(str::to_owned);
+        for (segments, joints) in [(LEFT, left), (RIGHT, right)] {
+            let there = segments.into_iter().zip(joints).filter(|(_, joint)| !joint.is_empty());
+            named.extend(there);
+        }
+        assert_eq!((guessed.base.as_slice(), played(&guessed)), (base, named), "{file}");
+        let angles_rad: Vec<(&str, f64)> = guessed
+            .n_pose_rad
+            .iter()
+            .map(|(name, angle_rad)| (name.as_str(), *angle_rad))
+            .collect();
+        assert_eq!(angles_rad, hanging, "{file}");
+    }
+}
+
+const LEFT: [Segment; 5] = [
+    Segment::LeftUpperArm,
+    Segment::LeftForearm,
+    Segment::LeftThigh,
+    Segment::LeftShank,
+    Segment::LeftFoot,
+];
+const RIGHT: [Segment; 5] = [
+    Segment::RightUpperArm,
+    Segment::RightForearm,
+    Segment::RightThigh,
+    Segment::RightShank,
+    Segment::RightFoot,
+];
+
+/// A limb of a made robot: where it begins, and the axes and places of its joints, each from the one before.
+type Limb<'a> = ([f64; 3], &'a [(&'a str, [f64; 3])]);
+
+const ACROSS: &str = "0 1 0";
+const AHEAD: &str = "1 0 0";
+const UP: &str = "0 0 1";
+const LEG: &[(&str, [f64; 3])] = &[
+    (AHEAD, [0.0; 3]),
+    (ACROSS, [0.0; 3]),
+    (ACROSS, [0.0, 0.0, -0.2]),
+    (ACROSS, [0.0, 0.0, -0.2]),
+];
+const WITH_TOES: &[(&str, [f64; 3])] = &[
+    (AHEAD, [0.0; 3]),
+    (ACROSS, [0.0; 3]),
+    (ACROSS, [0.0, 0.0, -0.2]),
+    (ACROSS, [0.0, 0.0, -0.2]),
+    (ACROSS, [0.06, 0.0, 0.0]),
+];
+const ARM: &[(&str, [f64; 3])] =
+    &[(ACROSS, [0.0; 3]), (AHEAD, [0.0; 3]), (UP, [0.0, 0.0, -0.05]), (ACROSS, [0.0, 0.0, -0.1])];
+
+/// A trunk with limbs: joints are called after limb and place, `limb0_1`. What hangs on each is a small box below it,
+/// a little ahead.
+fn made_of(limbs: &[Limb], is_held: bool) -> String {
+    let link = |name: &str, mass_kg: f64| {
+        let inertia = "ixx='1e-3' iyy='1e-3' izz='1e-3' ixy='0' ixz='0' iyz='0'";
+        let weight = format!("<mass value='{mass_kg}'/><inertia {inertia}/>");
+        let shape = "<geometry><box size='0.06 0.04 0.04'/></geometry>";
+        let shape = format!("<collision><origin xyz='0.01 0 -0.02'/>{shape}</collision>");
+        format!("<link name='{name}'><inertial>{weight}</inertial>{shape}</link>")
+    };
+    let mut text = format!("<robot name='made'>{}", link("trunk", 2.0));
+    if is_held {
+        text += "<link name='world'/><joint name='held' type='fixed'><parent link='world'/><child link='trunk'/></joint>";
+    }
+    for (limb, (at_m, joints)) in limbs.iter().enumerate() {
+        let mut above = "trunk".to_owned();
+        for (joint, (axis, from_m)) in joints.iter().enumerate() {
+            let name = format!("limb{limb}_{joint}");
+            let hangs = format!("<parent link='{above}'/><child link='{name}'/>");
+            let [x, y, z] = [0, 1, 2].map(|i| from_m[i] + if joint == 0 { at_m[i] } else { 0.0 });
+            let place = format!("<origin xyz='{x} {y} {z}'/><axis xyz='{axis}'/>");
+            let limit = "<limit lower='-1.5' upper='1' effort='1' velocity='1'/>";
+            text += &link(&name, 0.1);
+            text += &format!("<joint name='{name}' type='revolute'>{hangs}{place}{limit}</joint>");
+            above = name;
+        }
+    }
+    text + "</robot>"
+}
+
+/// What is guessed of a model, and what its draft says.
+fn made(urdf: &str) -> (Result<Anatomy, &'static str>, Option<Anatomy>) {
+    let found = model::read(urdf, &mut |_| Err("none".to_owned())).expect("a model");
+    let reduced = found.on_its_own().expect("joints");
+    (found.anatomy(&reduced), drafted(&found, &reduced).anatomy)
+}
+
+#[test]
+fn a_draft_says_what_is_guessed() {
+    let (left, right) = ([0.0, 0.1, 0.0], [0.0, -0.1, 0.0]);
+    let (guessed, written) = made(&made_of(&[(left, LEG), (right, LEG)], false));
+    let (guessed, written) = (guessed.expect("legs"), written.expect("legs"));
+    assert_eq!(played(&guessed), played(&written));
+    assert_eq!((&guessed.base, guessed.n_pose_rad), (&written.base, written.n_pose_rad.clone()));
+    assert_eq!(played(&written)[&Segment::RightShank], "limb1_2");
+    assert_eq!(written.segments.len(), 6);
+    // Toes are on a foot, and no arms.
+    let shoulders = [[0.0, 0.15, 0.3], [0.0, -0.15, 0.3]];
+    let whole = [(left, WITH_TOES), (right, WITH_TOES), (shoulders[0], ARM), (shoulders[1], ARM)];
+    let guessed = played(&made(&made_of(&whole, false)).0.expect("a body"));
+    for (segment, joint) in [
+        (Segment::LeftShank, "limb0_2"),
+        (Segment::LeftFoot, "limb0_3"),
+        (Segment::LeftUpperArm, "limb2_2"),
+        (Segment::RightForearm, "limb3_3"),
+    ] {
+        assert_eq!(guessed[&segment], joint);
+    }
+    // What is held by its base has arms, however long they are.
+    let (guessed, _) = made(&made_of(&[(shoulders[0], ARM), (shoulders[1], ARM)], true));
+    let guessed = played(&guessed.expect("arms"));
+    assert_eq!(
+        guessed.keys().copied().collect::<Vec<_>>(),
+        [
+            Segment::LeftUpperArm,
+            Segment::LeftForearm,
+            Segment::RightUpperArm,
+            Segment::RightForearm
+        ]
+    );
+}
+
+#[test]
+fn of_what_nobody_can_tell_nothing_is_guessed_and_why_is_said() {
+    let dog = |heights_m: [f64; 4]| {
+        let corners = [[0.2, 0.1], [0.2, -0.1], [-0.2, 0.1], [-0.2, -0.1]];
+        let legs = corners.into_iter().zip(heights_m).map(|([x, y], z)| ([x, y, z], LEG));
+        made_of(&legs.collect::<Vec<_>>(), false)
+    };
+    let legs = made_of(&[([0.0, 0.1, 0.0], LEG), ([0.0, -0.1, 0.0], LEG)], false);
+    let back = legs.replace("xyz='0.01 0 -0.02'", "xyz='-0.02 0 -0.02'");
+    let fingers: Vec<Limb> = [0.06, 0.03, -0.03, -0.06].map(|y| ([0.0, y, 0.0], ARM)).into();
+    for (model, reason) in [
+        (MADE_URDF.to_owned(), "no limb"),
+        // Front legs as low as hind legs, and a little higher.
+        (dog([0.0; 4]), "more than one limb"),
+        (dog([0.01, 0.01, 0.0, 0.0]), "no higher than its legs"),
+        (back, "reach backwards"),
+        (made_of(&fingers, true), "more than one limb"),
+    ] {
+        let (guessed, written) = made(&model);
+        let told = guessed.expect_err("nothing");
+        assert!(told.contains(reason) && written.is_none(), "{told}, not {reason}: {model}");
+    }
+}
 
 #[test]
 fn words_that_rust_writes_otherwise_are_words_in_toml() {

@@ -7,6 +7,9 @@ const MOST: usize = 50;
 /// Nor is one whose faults take more words, bytes.
 const MOST_BYTES: usize = 64 * 1024;
 
+/// So many places of the same fault are named.
+const PLACES: usize = 8;
+
 /// A profile that was refused, or not found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProfileError {
@@ -26,33 +29,61 @@ pub struct ProfileError {
     pub also: Box<[ProfileError]>,
 }
 
-/// Everything that is wrong with a file, as it is found.
+/// Everything that is wrong with a file, as it is found. Faults that differ in where they are alone are one.
 #[derive(Debug, Default)]
 pub(crate) struct Faults {
-    kept: Vec<ProfileError>,
+    kept: Vec<Fault>,
     bytes: usize,
+    count: usize,
+}
+
+/// A fault without its place, its first places, and how many more there are.
+#[derive(Debug)]
+struct Fault {
+    error: ProfileError,
+    places: Vec<Box<str>>,
+    more: usize,
 }
 
 impl Faults {
     /// Keeps what a check has against the file; true if that is nothing.
     pub(crate) fn note(&mut self, verdict: Result<(), ProfileError>) -> bool {
-        let Err(fault) = verdict else { return true };
-        self.bytes += fault.bytes();
+        let Err(mut error) = verdict else { return true };
+        self.count += 1;
+        let bytes = error.bytes();
+        let place = error.place.take();
+        let same = self.kept.iter_mut().find(|of| of.error == error && !of.places.is_empty());
+        if let (Some(same), Some(place)) = (same, &place) {
+            if same.places.len() < PLACES {
+                same.places.push(place.clone());
+            } else {
+                same.more += 1;
+            }
+            return false;
+        }
+        self.bytes += bytes;
         // The first is kept in any case: without it the file would be right.
         if self.kept.is_empty() || (self.kept.len() < MOST && self.bytes <= MOST_BYTES) {
-            self.kept.push(fault);
+            self.kept.push(Fault { error, places: place.into_iter().collect(), more: 0 });
         }
         false
     }
 
-    /// What was kept.
-    pub(crate) fn found(&self) -> &[ProfileError] {
-        &self.kept
+    /// How many faults there are.
+    pub(crate) const fn count(&self) -> usize {
+        self.count
     }
 
     /// The first fault, with all others beside it.
     pub(crate) fn verdict(self) -> Result<(), ProfileError> {
-        let mut faults = self.kept.into_iter();
+        let mut faults = self.kept.into_iter().map(|Fault { error, places, more }| {
+            let mut place = places.join("; ");
+            if more > 0 {
+                place += &format!("; and {more} more");
+            }
+            let place = (!places.is_empty()).then(|| place.into());
+            ProfileError { place, ..error }
+        });
         let Some(first) = faults.next() else { return Ok(()) };
         Err(ProfileError { also: faults.collect(), ..first })
     }

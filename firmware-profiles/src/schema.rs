@@ -21,7 +21,7 @@ pub use sensor::{
     SignedAxis, WorldAxes, hex_bytes,
 };
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// One servo model: its control table and everything a driver or a virtual servo must know of it.
@@ -635,7 +635,7 @@ fn forward() -> i8 {
 }
 
 /// How the robot's links stand for a human's segments.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Anatomy {
     /// Human segments the base link plays: `pelvis`, `torso` or both.
@@ -652,7 +652,7 @@ pub struct Anatomy {
 }
 
 /// A link that plays a human segment.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SegmentLink {
     /// The segment.
@@ -666,7 +666,7 @@ pub struct SegmentLink {
 }
 
 /// Segments of the human body model (15 joints, 22 degrees of freedom).
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
 pub enum Segment {

@@ -201,6 +201,16 @@ fn import_text(found: &Imported, file: &Path) -> String {
             let _ = writeln!(out, "{what:<9} {}", names.join(", "));
         }
     }
+    if !found.anatomy.is_empty() {
+        let parts = found.anatomy.iter().map(|(part, joint)| format!("{joint} moves {part}"));
+        let parts: Vec<String> = parts.collect();
+        let _ = writeln!(
+            out,
+            "anatomy   guessed from where joints are: {}\n          look at it: gaitway retarget walk --robot {:?} --hang -o look.csv --html look.html",
+            parts.join(", "),
+            file.display().to_string()
+        );
+    }
     for note in &found.notes {
         let _ = writeln!(out, "note      {note}");
     }

@@ -11,13 +11,14 @@ const FOOT_M: f64 = 0.012;
 const TILT_RAD: f64 = 0.0175;
 const SLIP: f64 = 1.2;
 const LEAN_RAD: f64 = 0.1;
+const TURNED_RAD: f64 = 0.3;
 const MOTOR_SHARE: f64 = 0.9;
 /// A fall is worse than all else.
 const FALLS: f64 = 1e6;
 
 /// Lines of a block; empty if nothing is known.
 pub fn lines(figures: &BodyFigures) -> String {
-    let parts = [balance, contact, floor, feet, limbs, trunk, servos, pace];
+    let parts = [balance, contact, floor, feet, limbs, trunk, turned, servos, pace];
     let mut found: Vec<(f64, String)> = parts.iter().filter_map(|part| part(figures)).collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let words = found.into_iter().map(|(_, words)| words).chain(figures.missing.iter().cloned());
@@ -120,6 +121,17 @@ fn trunk(figures: &BodyFigures) -> Option<(f64, String)> {
     let words =
         format!("its trunk leans {:.0} deg differently from the person's", off_rad.to_degrees());
     Some((off_rad / LEAN_RAD, words))
+}
+
+fn turned(figures: &BodyFigures) -> Option<(f64, String)> {
+    let (own_rad, persons_rad) = (figures.turned_rad?, figures.turned_source_rad?);
+    let off = (own_rad - persons_rad).abs() / TURNED_RAD;
+    let words = format!(
+        "turns by {:.0} deg where the person turned by {:.0}",
+        own_rad.to_degrees().round() + 0.0,
+        persons_rad.to_degrees().round() + 0.0
+    );
+    (off >= 1.0).then_some((off, words))
 }
 
 fn servos(figures: &BodyFigures) -> Option<(f64, String)> {

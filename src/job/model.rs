@@ -59,7 +59,7 @@ pub fn robot_model(robot: &Robot) -> Result<RobotModel, Error> {
     })
 }
 
-const fn segment(segment: profiles::Segment) -> Segment {
+pub(super) const fn segment(segment: profiles::Segment) -> Segment {
     match segment {
         profiles::Segment::Pelvis => Segment::Pelvis,
         profiles::Segment::Torso => Segment::Torso,

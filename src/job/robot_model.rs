@@ -1,10 +1,13 @@
 //! A robot file, or its body, from a public model.
 
+use super::model::segment;
+use crate::body::segment_name;
 use crate::error::{Error, ErrorKind, counted};
 use crate::robot::model::surface::Surface;
 use crate::robot::model::{self, DraftServo, LinkMesh, OwnJoint, Provenance, PublicModel, Reduced};
 use gaitway_profiles::{self as profiles, BaseKind};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
@@ -19,6 +22,9 @@ pub(in crate::job) const NO_MESH: &str = "neither STL nor OBJ, or its corners ar
 const FOLDERS_ABOVE: i64 = 2;
 /// Of a servo's speed without load: what a draft lets a joint have.
 const SPEED_SHARE: f64 = 0.5;
+
+/// Where profiles of servos are listed.
+const SERVOS: &str = "`gaitway profile list` has them";
 
 /// What to read, and onto what.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +76,8 @@ pub struct Imported {
     pub meshes: usize,
     /// Links that it stands on.
     pub soles: Vec<String>,
+    /// Of a draft: the joint before each part of a body, guessed from where joints are.
+    pub anatomy: BTreeMap<&'static str, String>,
     /// What a person should know.
     pub notes: Vec<String>,
     /// What is still wrong with the file, if anything.
@@ -141,8 +149,13 @@ pub fn import(order: &ImportOrder) -> Result<Imported, Error> {
 }
 
 fn report(order: &ImportOrder, found: &PublicModel, reduced: &Reduced, text: String) -> Imported {
-    let faults =
-        profiles::parse_robot("the new file", &text).err().map(|e| Error::from(e).to_string());
+    let faults = if order.robot.is_none() && order.servo.is_none() {
+        Some(format!(
+            "no joint has a servo yet: name it by --servo ({SERVOS}), or each in the file"
+        ))
+    } else {
+        profiles::parse_robot("the new file", &text).err().map(|e| Error::from(e).to_string())
+    };
     let names = |follow: bool| {
         let of = reduced.joints.iter().filter(move |joint| joint.follows.is_empty() != follow);
         of.map(|joint| joint.name.clone()).collect::<Vec<_>>()
@@ -153,6 +166,17 @@ fn report(order: &ImportOrder, found: &PublicModel, reduced: &Reduced, text: Str
         joint.map_or("base".to_owned(), |at| reduced.joints[at].name.clone())
     };
     let standing = reduced.links.iter().filter(|link| !link.sole_m.is_empty());
+    let guessed = order.robot.is_none().then(|| found.anatomy(reduced));
+    let mut notes = reduced.notes.clone();
+    if let Some(Err(reason)) = guessed {
+        notes.push(format!("no [anatomy], by which it would follow a person: {reason}"));
+    }
+    if found.base == BaseKind::Free && standing.clone().next().is_none() {
+        let note = "nothing of it lies flat on the floor with all joints at zero: nothing is told of floor, balance and falls \
+                    until a link has sole_m";
+        notes.push(note.to_owned());
+    }
+    let played = |of: profiles::SegmentLink| (segment_name(segment(of.segment)), of.joint);
     Imported {
         name: order.robot.clone().unwrap_or_else(|| order.name.clone()),
         format: found.format,
@@ -165,8 +189,9 @@ fn report(order: &ImportOrder, found: &PublicModel, reduced: &Reduced, text: Str
         without_limits: without.map(|joint| joint.name.clone()).collect(),
         shapes: reduced.links.iter().map(|link| link.volumes.len()).sum(),
         meshes: reduced.links.iter().map(|link| link.looks.len()).sum(),
+        anatomy: guessed.into_iter().flatten().flat_map(|of| of.segments).map(played).collect(),
         soles: standing.map(|link| called(link.joint)).collect(),
-        notes: reduced.notes.clone(),
+        notes,
         faults,
         text,
     }

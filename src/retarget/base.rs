@@ -5,7 +5,7 @@
 //! lowest corner of the soles is on the floor. Over the floor the base goes so that what carries slides as little as can be
 //! (between two instants, the rigid motion of the plane nearest to none, by least squares: Umeyama,
 //! "Least-squares estimation of transformation parameters between two point patterns", IEEE PAMI 13,
-//! 1991). Weights come and go smoothly, so nothing jumps; a robot that hangs does not move at all.
+//! 1991); whoever flies turns as the person did. Weights come and go smoothly, so nothing jumps; a robot that hangs does not move at all.
 
 use crate::body::root::spread;
 use crate::retarget::Footfall;
@@ -31,6 +31,8 @@ const HOLDS: f64 = 1e-3;
 const UPWARD: f64 = 0.1;
 /// Holds the heading where what carries is a point, m².
 const HEADING_M2: f64 = 1e-7;
+/// The same of what flies, where somebody says where it looks, m².
+const FLIES_M2: f64 = 1.0;
 /// A weight that is so far outside the soles that carry is not over them at all, m.
 const OUTSIDE_M: f64 = 0.02;
 /// Whether it is comes and goes over this time, standard deviation, s: a robot tips no faster than it falls.
@@ -213,11 +215,13 @@ struct Walk<'a> {
     soles: &'a [StandingSole],
     /// Corners over the floor, m, what each carried, and the heading of the base, rad.
     before: Option<(Vec<(DVec2, f64)>, f64)>,
+    /// Where whoever did it looked, rad.
+    looked_rad: Option<f64>,
 }
 
 impl<'a> Walk<'a> {
     const fn new(body: &'a RobotBody, soles: &'a [StandingSole]) -> Self {
-        Self { body, soles, before: None }
+        Self { body, soles, before: None, looked_rad: None }
     }
 
     fn next(&mut self, pose: &[f64], footfall: Option<Footfall>) -> (Placement, [bool; 2]) {
@@ -250,8 +254,17 @@ impl<'a> Walk<'a> {
             .collect();
         let (heading, shift) = match &self.before {
             None => (0.0, DVec2::ZERO),
-            Some((before, heading)) => laid_over(&weighed, before, *heading),
+            Some((before, heading)) => {
+                let turns = footfall.heading_rad.zip(self.looked_rad);
+                let turns_rad = turns.map_or(0.0, |(now_rad, before_rad)| now_rad - before_rad);
+                // Nothing holds who flies: it turns as whoever did it.
+                let carried = footfall.carries[0].max(footfall.carries[1]).min(1.0);
+                let held_m2 =
+                    HEADING_M2 + turns.map_or(0.0, |_| (1.0 - carried).powi(4) * FLIES_M2);
+                laid_over(&weighed, before, heading + turns_rad, held_m2)
+            }
         };
+        self.looked_rad = footfall.heading_rad.or(self.looked_rad);
         let turn = DVec2::from_angle(heading);
         let over_floor = weighed.iter().map(|(at, weight)| (turn.rotate(*at) + shift, *weight));
         self.before = Some((over_floor.collect(), heading));
@@ -341,22 +354,27 @@ impl<'a> Walk<'a> {
 }
 
 /// The turn, rad, and the shift, m, that lay points over where they were, each with the weight it had and
-/// has; the turn is near the one `before` where the points do not say it.
-fn laid_over(points: &[(DVec2, f64)], were: &[(DVec2, f64)], before: f64) -> (f64, DVec2) {
+/// has; the turn is near `expected` where the points do not say it: held there as by points of so many m².
+fn laid_over(
+    points: &[(DVec2, f64)],
+    were: &[(DVec2, f64)],
+    expected: f64,
+    held_m2: f64,
+) -> (f64, DVec2) {
     let pairs = || {
         let both = points.iter().zip(were);
         both.map(|((now, weight), (then, had))| (*now, *then, (weight * had).sqrt()))
     };
     let total: f64 = pairs().map(|(.., weight)| weight).sum();
     if !(total > 0.0) {
-        return (before, DVec2::ZERO);
+        return (expected, DVec2::ZERO);
     }
     let (mut now_m, mut then_m) = (DVec2::ZERO, DVec2::ZERO);
     for (now, then, weight) in pairs() {
         now_m += now * (weight / total);
         then_m += then * (weight / total);
     }
-    let (mut along, mut across) = (HEADING_M2 * before.cos(), HEADING_M2 * before.sin());
+    let (mut along, mut across) = (held_m2 * expected.cos(), held_m2 * expected.sin());
     for (now, then, weight) in pairs() {
         let (now, then, weight) = (now - now_m, then - then_m, weight / total);
         along += weight * now.dot(then);
@@ -364,6 +382,6 @@ fn laid_over(points: &[(DVec2, f64)], were: &[(DVec2, f64)], before: f64) -> (f6
     }
     let turned = across.atan2(along);
     // Without jumps of a turn.
-    let heading = before + crate::units::wrap_rad(turned - before);
+    let heading = expected + crate::units::wrap_rad(turned - expected);
     (heading, then_m - DVec2::from_angle(heading).rotate(now_m))
 }

@@ -15,11 +15,12 @@ use crate::retarget::base::{self, BasePath, Held, StandingSole};
 use crate::retarget::collision::{Overlap, SelfContact, TOUCHES_M, lowest_m};
 use crate::retarget::effort::{self, Exertion, PeakEffort};
 use crate::retarget::fall::OnFloor;
+use crate::retarget::footfall::looking_rad;
 use crate::retarget::limbs::RobotLimbs;
 use crate::retarget::toe::{Toe, quantile};
 use crate::rigid::Placement;
 use crate::robot::{MotorCurve, RobotBody};
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use serde::Serialize;
 use std::ops::Range;
 
@@ -102,6 +103,10 @@ pub struct BodyFigures {
     pub direction_error_rad: DirectionErrors,
     /// Mean difference of how trunks lean against the vertical, rad.
     pub trunk_lean_error_rad: Option<f64>,
+    /// How far it has turned at the end, to the left, rad: what the way of its feet over the floor makes of it.
+    pub turned_rad: Option<f64>,
+    /// The same of the person.
+    pub turned_source_rad: Option<f64>,
     /// Least distance of the zero-moment point inside the support, m; outside if negative.
     pub balance_margin_m: Option<f64>,
     /// Share of the trajectory in which it is outside.
@@ -201,6 +206,26 @@ impl Mean {
 
     fn value(self) -> Option<f64> {
         (self.1 > 0).then(|| self.0 / self.1 as f64)
+    }
+}
+
+/// How far something has turned about the vertical, without jumps of a turn.
+#[derive(Clone, Copy, Default)]
+struct Turned {
+    /// Where it looked first, and last.
+    looks_rad: Option<[f64; 2]>,
+}
+
+impl Turned {
+    fn add(&mut self, turn: DQuat) {
+        let before_rad = self.looks_rad.map_or(0.0, |[_, now_rad]| now_rad);
+        let now_rad = looking_rad(turn, before_rad);
+        self.looks_rad =
+            Some([self.looks_rad.map_or(now_rad, |[first_rad, _]| first_rad), now_rad]);
+    }
+
+    fn value(self) -> Option<f64> {
+        self.looks_rad.map(|[first_rad, last_rad]| last_rad - first_rad)
     }
 }
 
@@ -313,6 +338,8 @@ struct Look<'a> {
     hands: Mean,
     feet: Mean,
     trunk: Mean,
+    /// The robot, and the person.
+    turned: [Turned; 2],
 }
 
 impl<'a> Look<'a> {
@@ -341,6 +368,7 @@ impl<'a> Look<'a> {
             hands: Mean::default(),
             feet: Mean::default(),
             trunk: Mean::default(),
+            turned: [Turned::default(); 2],
         })
     }
 
@@ -369,6 +397,7 @@ impl<'a> Look<'a> {
                 _ => stands,
             };
             self.look_at_soles(at, placed, contact);
+            self.turned[0].add(placed[0].turn);
         }
         if let (Some((original, lengths, limbs, _)), Some(pose)) = (&self.original, pose)
             && let Some(person) = original.poses.get(pose)
@@ -382,6 +411,10 @@ impl<'a> Look<'a> {
             errors.hands_m.into_iter().for_each(|off_m| self.hands.add(off_m));
             errors.feet_m.into_iter().for_each(|off_m| self.feet.add(off_m));
             errors.trunk_lean_rad.into_iter().for_each(|off_rad| self.trunk.add(off_rad));
+            let base = limbs.base();
+            if self.held == Held::Standing && original.tracked[base.index()] {
+                self.turned[1].add(person.orientation[base.index()]);
+            }
         }
     }
 
@@ -468,6 +501,8 @@ impl<'a> Look<'a> {
             foot_error_m: self.feet.value(),
             direction_error_rad: DirectionErrors { upper_arm, forearm, thigh, shank },
             trunk_lean_error_rad: self.trunk.value(),
+            turned_rad: self.turned[0].value(),
+            turned_source_rad: self.turned[1].value(),
             balance_margin_m: balance.as_ref().and_then(least_m),
             unbalanced_share: balance.as_ref().map(|_| {
                 let count = unbalanced.iter().filter(|is| **is).count();

@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::recognise::contact::Floor;
 use crate::recognise::points::{BodyPoint, Lengths, Points};
 use crate::retarget::toe::Toe;
+use crate::units::wrap_rad;
 use glam::{DQuat, DVec3};
 
 /// A person's weight goes from foot to foot over this time, standard deviation, s.
@@ -19,6 +20,9 @@ const COMES_S: f64 = 0.1;
 /// Cosines of a sole's tilt between which a foot that carries begins to lie flat: 25 and 8 deg.
 const FLAT: [f64; 2] = [0.906, 0.990];
 
+/// What is turned over further than this cosine is upside down.
+const UPSIDE: f64 = -0.8;
+
 /// Both feet, left first, and the trunk, at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footfall {
@@ -30,12 +34,14 @@ pub struct Footfall {
     pub up: DVec3,
     /// Whether a foot touches the floor; none where nobody said.
     pub touches: Option<[bool; 2]>,
+    /// Where somebody looks, without jumps of a turn, rad; none where nobody said.
+    pub heading_rad: Option<f64>,
 }
 
 impl Footfall {
     /// Upright on both feet.
     pub const STANDING: Self =
-        Self { carries: [1.0; 2], flat: [1.0; 2], up: DVec3::Z, touches: None };
+        Self { carries: [1.0; 2], flat: [1.0; 2], up: DVec3::Z, touches: None, heading_rad: None };
 
     /// On the way to another: `share` 0 is this one, 1 the other.
     #[must_use]
@@ -46,8 +52,22 @@ impl Footfall {
             flat: part(self.flat, other.flat),
             up: self.up.lerp(other.up, share).try_normalize().unwrap_or(self.up),
             touches: if share < 0.5 { self.touches } else { other.touches },
+            heading_rad: match (self.heading_rad, other.heading_rad) {
+                (Some(a), Some(b)) => Some(a + (b - a) * share),
+                (a, b) => a.or(b),
+            },
         }
     }
+}
+
+/// Where something looks that is turned so, near to where it did before, rad: how far it is turned about the vertical beside the
+/// shortest way to how it leans. Upside down that says nothing, and it looks where it did.
+#[must_use]
+pub fn looking_rad(turned: DQuat, before_rad: f64) -> f64 {
+    if (turned * DVec3::Z).z < UPSIDE {
+        return before_rad;
+    }
+    before_rad + wrap_rad(2.0 * turned.z.atan2(turned.w) - before_rad)
 }
 
 /// What the feet of a person do, pose by pose, with the finder that recognition has. `base` is the segment
@@ -68,6 +88,7 @@ pub fn of_person(
     let last = poses.len().saturating_sub(1);
     let mut found = Vec::with_capacity(poses.len());
     let mut three = poses.first().map(|first| [points(first); 3]);
+    let mut heading_rad = 0.0;
     for at in 0..poses.len() {
         let Some([before, now, after]) = &mut three else { break };
         (*before, *now) = (*now, *after);
@@ -85,11 +106,14 @@ pub fn of_person(
             part * part * (3.0 - 2.0 * part)
         };
         let carries = touches.map(|touches| f64::from(u8::from(touches)));
+        let turned = poses[at].orientation[base.index()];
+        heading_rad = looking_rad(turned, heading_rad);
         found.push(Footfall {
             carries,
             flat: [carries[0] * level(Segment::LeftFoot), carries[1] * level(Segment::RightFoot)],
-            up: poses[at].orientation[base.index()].inverse() * DVec3::Z,
+            up: turned.inverse() * DVec3::Z,
             touches: Some(touches),
+            heading_rad: Some(heading_rad),
         });
     }
     smooth(&mut found, rate_hz);
@@ -192,7 +216,7 @@ pub fn of_contacts(said: &[([bool; 2], DQuat)], rate_hz: f64) -> Vec<Footfall> {
     let instant = |(touches, base): &([bool; 2], DQuat)| {
         let carries = touches.map(|touches| f64::from(u8::from(touches)));
         let up = base.inverse() * DVec3::Z;
-        Footfall { carries, flat: [0.0; 2], up, touches: Some(*touches) }
+        Footfall { carries, flat: [0.0; 2], up, touches: Some(*touches), heading_rad: None }
     };
     let mut found: Vec<Footfall> = said.iter().map(instant).collect();
     smooth(&mut found, rate_hz);
@@ -204,7 +228,7 @@ pub fn of_contacts(said: &[([bool; 2], DQuat)], rate_hz: f64) -> Vec<Footfall> {
 pub fn of_soles(said: &[([bool; 2], DVec3)], rate_hz: f64) -> Vec<Footfall> {
     let instant = |(touches, up): &([bool; 2], DVec3)| {
         let carries = touches.map(|touches| f64::from(u8::from(touches)));
-        Footfall { carries, flat: carries, up: *up, touches: Some(*touches) }
+        Footfall { carries, flat: carries, up: *up, touches: Some(*touches), heading_rad: None }
     };
     let mut found: Vec<Footfall> = said.iter().map(instant).collect();
     smooth(&mut found, rate_hz);
@@ -255,7 +279,7 @@ mod tests {
 
     fn of(touches: [bool; 2]) -> Footfall {
         let carries = touches.map(|is| f64::from(u8::from(is)));
-        Footfall { carries, flat: carries, touches: Some(touches), up: DVec3::Z }
+        Footfall { carries, flat: carries, touches: Some(touches), ..Footfall::STANDING }
     }
 
     #[test]
@@ -290,6 +314,21 @@ mod tests {
         };
         assert!(lasts(&slow).abs_diff(lasts(&found)) <= 1, "{}", lasts(&slow));
         assert!(at_times(&[], &times, 100.0).is_empty());
+    }
+
+    #[test]
+    fn who_turns_over_looks_where_it_did() {
+        let (heading_rad, mut looks_rad) = (0.7, 0.7);
+        for degrees in (0..=360).step_by(5) {
+            let tilt = DQuat::from_rotation_y(f64::from(degrees).to_radians());
+            looks_rad = looking_rad(DQuat::from_rotation_z(heading_rad) * tilt, looks_rad);
+            assert!((looks_rad - heading_rad).abs() < 1e-9, "{degrees} deg: {looks_rad}");
+        }
+        // And who turns on, without jumps.
+        for turned_rad in [1.0, 3.0, 5.0, 7.0] {
+            looks_rad = looking_rad(DQuat::from_rotation_z(turned_rad), looks_rad);
+            assert!((looks_rad - turned_rad).abs() < 1e-9, "{looks_rad}");
+        }
     }
 
     #[test]

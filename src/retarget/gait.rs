@@ -17,6 +17,7 @@ use crate::rigid::Placement;
 use crate::rigid::ground::{GRAVITY_M_S2, reactions};
 use crate::rigid::mass::Posed;
 use crate::robot::RobotBody;
+use crate::units::wrap_rad;
 use glam::{DQuat, DVec2, DVec3};
 use nalgebra::{DMatrix, DVector};
 
@@ -236,7 +237,7 @@ impl<'a> Walker<'a> {
             inward_m: self.inward_m,
         };
         let (mut time_s, mut heading, mut far_m) = (0.0, 0.0_f64, 0.0_f64);
-        let mut on_steps_s = 0.0;
+        let (mut on_steps_s, mut owed_rad) = (0.0, 0.0_f64);
         for (at, step) in steps.iter().enumerate() {
             let stands = 1 - step.side;
             let pause_s = ((step.lifted_s - time_s) * slower / speed).max(0.0);
@@ -249,7 +250,10 @@ impl<'a> Walker<'a> {
                 time_s = time_s.max(step.lifted_s);
                 writer.shift(stands, both_s.max(pause_s), [from_s, time_s]);
             }
-            heading += step.turn_rad.clamp(-TURN_RAD, TURN_RAD);
+            // What a step does not turn the next ones do, but for whole turns.
+            let turn_rad = (owed_rad + step.turn_rad).clamp(-TURN_RAD, TURN_RAD);
+            owed_rad = wrap_rad(owed_rad + step.turn_rad - turn_rad);
+            heading += turn_rad;
             let ahead_m = (step.ahead_m * scale).clamp(-longest_m, longest_m);
             let apart_m = (step.aside_m * scale).clamp(self.width_m, WIDEST * self.width_m);
             let outward = if step.side == 0 { apart_m } else { -apart_m };

@@ -205,6 +205,12 @@ impl RobotLimbs {
         errors
     }
 
+    /// What the robot's base plays: the pelvis, if it plays more.
+    #[must_use]
+    pub fn base(&self) -> Segment {
+        if self.base.contains(&Segment::Pelvis) { Segment::Pelvis } else { Segment::Torso }
+    }
+
     /// Up along the robot's trunk, in the world.
     fn trunk(&self, placed: &[Placement]) -> Option<DVec3> {
         if self.base.contains(&Segment::Torso) {

@@ -1,6 +1,7 @@
 //! Public models of robots, as other programs have them: URDF and MJCF, from their text to a tree of
 //! links with what they weigh and take up. What cannot be told from a model is said, never made up.
 
+mod anatomy;
 pub mod mesh;
 pub mod mjcf;
 mod onto;
@@ -14,7 +15,7 @@ pub use written::{DraftServo, Provenance};
 
 use crate::error::{Error, ErrorKind};
 use crate::rigid::{Capsule, Cuboid, JointKind, Mass, Placement, Tree, Volume};
-use gaitway_profiles::{BaseKind, Yielding};
+use gaitway_profiles::{Anatomy, BaseKind, Yielding};
 use glam::{DQuat, DVec3};
 
 /// Limits as wide as this are what an exporter writes when nobody told it any, rad.
@@ -107,6 +108,14 @@ impl PublicModel {
         servo: &DraftServo,
     ) -> String {
         written::draft(self, reduced, words, name, servo)
+    }
+
+    /// Which joint moves which part of a body, guessed from where joints are.
+    ///
+    /// # Errors
+    /// Why it is not guessed of what is no humanoid, or of one that looks elsewhere.
+    pub fn anatomy(&self, reduced: &Reduced) -> Result<Anatomy, &'static str> {
+        anatomy::guessed(self, reduced)
     }
 
     /// The joint of this name.

@@ -28,7 +28,7 @@ pub(crate) fn board(file: &str, board: &Board) -> Verdict {
     faults.note(servo::firmware(file, board.firmware));
     servo::table(file, board.protocol, &board.registers, &mut faults);
     let with = |role: Role| board.registers.iter().find(|register| register.role == Some(role));
-    if faults.found().is_empty() {
+    if faults.count() == 0 {
         let names = board.registers.iter().map(|register| &register.name);
         faults.note(unique(file, "register name", "register", names));
         let roles = board.registers.iter().filter_map(|register| register.role);

@@ -144,7 +144,7 @@ fn one_setup(file: &str, setup: &Setup, joints: &BTreeMap<&str, &Joint>) -> Verd
 
 /// What can be said of a joint's numbers without looking elsewhere; false if something is.
 fn numbers(file: &str, joint: &Joint, faults: &mut Faults) -> bool {
-    let before = faults.found().len();
+    let before = faults.count();
     let refuse = |what: &str| ProfileError::new(file, what).at(place(joint));
     if !is_name(&joint.name, b'_') {
         faults.note(Err(refuse("this cannot be the name of a joint").allowed("[a-z0-9_]+")));
@@ -170,7 +170,7 @@ fn numbers(file: &str, joint: &Joint, faults: &mut Faults) -> bool {
     }
     faults.note(range(file, joint));
     faults.note(mounting(file, joint));
-    faults.found().len() == before
+    faults.count() == before
 }
 
 /// Limits in order, with the pose the robot starts in between them.
@@ -282,7 +282,7 @@ fn on_the_bus(
             .got(format!("{:?} on line {:?}", joint.servo, line.name))
             .allowed("a servo, or a line of kind = \"can\"")));
     }
-    let before = faults.found().len();
+    let before = faults.count();
     faults.note(can::not_on_serial(file, joint));
     let servo = match known_servo(file, &place(joint), &joint.servo) {
         Ok(servo) => servo,
@@ -304,7 +304,7 @@ fn on_the_bus(
     if is_sound {
         faults.note(reach(file, joint, servo, &registers));
     }
-    faults.found().len() == before
+    faults.count() == before
 }
 
 fn line_speed(

@@ -63,7 +63,7 @@ pub(crate) fn servo(file: &str, servo: &Servo) -> Verdict {
     faults.note(instructions(file, servo));
     table(file, servo.protocol, &servo.registers, &mut faults);
     // What follows looks at the table as a whole.
-    if faults.found().is_empty() {
+    if faults.count() == 0 {
         let names = servo.items().map(|item| item.name());
         faults.note(unique(file, "register name", "register", names));
         faults.note(roles(file, servo));

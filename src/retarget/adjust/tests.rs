@@ -159,7 +159,7 @@ fn feet_that_are_planted_stay_side_by_side_and_flat_and_one_in_the_air_may_move(
         .map(|at| {
             let touches = [at < 150, true];
             let carries = touches.map(|is| f64::from(u8::from(is)));
-            Footfall { carries, flat: carries, touches: Some(touches), up: DVec3::Z }
+            Footfall { carries, flat: carries, touches: Some(touches), ..Footfall::STANDING }
         })
         .collect();
     let soles = StandingSole::all(&op3.body);
@@ -240,7 +240,7 @@ fn on_one_leg(op3: &Op3) -> (Vec<Vec<f64>>, Vec<Footfall>) {
 
 fn standing(touches: [bool; 2]) -> Footfall {
     let carries = touches.map(|is| f64::from(u8::from(is)));
-    Footfall { carries, flat: carries, touches: Some(touches), up: DVec3::Z }
+    Footfall { carries, flat: carries, touches: Some(touches), ..Footfall::STANDING }
 }
 
 /// How far inside the right sole the centre of mass is, seen along that sole's normal, m.

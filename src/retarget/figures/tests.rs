@@ -59,8 +59,12 @@ impl Op3 {
     }
 }
 
-const ON_THE_RIGHT: Footfall =
-    Footfall { carries: [0.0, 1.0], flat: [0.0, 1.0], up: DVec3::Z, touches: Some([false, true]) };
+const ON_THE_RIGHT: Footfall = Footfall {
+    carries: [0.0, 1.0],
+    flat: [0.0, 1.0],
+    touches: Some([false, true]),
+    ..Footfall::STANDING
+};
 
 /// The chest leans by `size` and back, by both ankles.
 fn ankles(robot: &Op3, size: f64) -> Vec<Vec<f64>> {
@@ -261,6 +265,29 @@ fn legs_that_cross_are_in_one_another_as_deep_as_the_boxes_of_their_feet() {
 }
 
 #[test]
+fn who_flies_turns_as_the_person_and_who_stands_as_the_feet_do() {
+    let robot = op3();
+    let poses = vec![robot.pose(&[]); 60];
+    for (carries, turned_rad) in [(0.0, 1.2), (1.0, 0.0)] {
+        // From 2.6 rad on, so that it passes half a turn.
+        let said = |at: usize| Footfall {
+            carries: [carries; 2],
+            flat: [carries; 2],
+            touches: Some([carries > 0.0; 2]),
+            heading_rad: Some(2.6 + 1.2 * at as f64 / 59.0),
+            ..Footfall::STANDING
+        };
+        let said: Vec<Footfall> = (0..60).map(said).collect();
+        let (path, figures) = robot.look(&poses, Some(&said), false);
+        let found_rad = figures.turned_rad.unwrap();
+        assert!((found_rad - turned_rad).abs() < 0.01, "{carries}: {found_rad}");
+        let moved_m = path.places[59].at_m.distance(path.places[0].at_m);
+        // About the middle of its soles, which is not quite below its base.
+        assert!(moved_m < 0.03, "{carries}: {moved_m}");
+    }
+}
+
+#[test]
 fn a_bent_knee_below_the_floor_is_penetration_and_a_foot_in_the_air_floats() {
     let robot = op3();
     // On the right foot; the left is said to stand, and is 4 cm up.
@@ -273,7 +300,8 @@ fn a_bent_knee_below_the_floor_is_penetration_and_a_foot_in_the_air_floats() {
     assert!((figures.float_p95_m.unwrap() - low_m).abs() < 1e-9);
     assert_eq!(figures.penetration_share, Some(0.0));
     // On its head nothing of the soles is below, and the head is.
-    let upside = Footfall { carries: [0.0; 2], flat: [0.0; 2], up: DVec3::NEG_Z, touches: None };
+    let upside =
+        Footfall { carries: [0.0; 2], flat: [0.0; 2], up: DVec3::NEG_Z, ..Footfall::STANDING };
     let (_, figures) = robot.look(&vec![robot.pose(&[]); 20], Some(&[upside; 20]), false);
     assert_eq!(figures.penetration_share, Some(1.0));
 }

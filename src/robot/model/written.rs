@@ -4,8 +4,9 @@ use super::PublicModel;
 use super::onto::{OwnJoint, Reduced, ReducedLink};
 use crate::error::counted;
 use crate::rigid::Volume;
-use gaitway_profiles::{BaseKind, Yielding};
+use gaitway_profiles::{Anatomy, BaseKind, Yielding};
 use glam::{DQuat, DVec3};
+use serde::Serialize;
 use std::fmt::Write;
 
 /// Of a joint whose limits the model does not say, rad.
@@ -39,6 +40,12 @@ pub struct DraftServo {
     pub fastest_rad_s: Option<f64>,
     /// Speed of its line.
     pub baud_bps: u32,
+}
+
+/// A part of a robot file.
+#[derive(Serialize)]
+struct Part {
+    anatomy: Anatomy,
 }
 
 /// Seven digits: more than any model's numbers are good for.
@@ -271,6 +278,12 @@ pub(super) fn draft(
             number(initial)
         );
         mounted(&mut out, joint, &reduced.joints);
+    }
+    // Numbers and names alone: nothing in it cannot be written.
+    if let Ok(anatomy) = model.anatomy(reduced)
+        && let Ok(part) = toml::to_string(&Part { anatomy })
+    {
+        let _ = write!(out, "\n{part}");
     }
     let _ = write!(out, "\n{}", body(model, reduced, words));
     out
