@@ -17,9 +17,9 @@ use crate::rigid::Placement;
 use crate::rigid::ground::{GRAVITY_M_S2, reactions};
 use crate::rigid::mass::Posed;
 use crate::robot::RobotBody;
-use crate::units::wrap_rad;
 use glam::{DQuat, DVec2, DVec3};
 use nalgebra::{DMatrix, DVector};
+use std::f64::consts::TAU;
 
 /// Poses per second that are planned by themselves.
 const NODES_HZ: f64 = 60.0;
@@ -39,6 +39,8 @@ const LIFT: f64 = 0.1;
 const WIDEST: f64 = 1.2;
 /// Most that a robot turns in a step, rad.
 const TURN_RAD: f64 = 0.2;
+/// Of whoever is behind by more than this a whole turn is left out: it is nearer to look there the other way round.
+const SPUN_RAD: f64 = 0.75 * TAU;
 /// What steps are shortened to until legs reach.
 const SHORTER: [f64; 3] = [1.0, 0.7, 0.4];
 /// The zero-moment point is so far from the middle of a sole towards the other foot, in half its breadth: servos give way, and who
@@ -250,9 +252,12 @@ impl<'a> Walker<'a> {
                 time_s = time_s.max(step.lifted_s);
                 writer.shift(stands, both_s.max(pause_s), [from_s, time_s]);
             }
-            // What a step does not turn the next ones do, but for whole turns.
+            // What a step does not turn the next ones do.
             let turn_rad = (owed_rad + step.turn_rad).clamp(-TURN_RAD, TURN_RAD);
-            owed_rad = wrap_rad(owed_rad + step.turn_rad - turn_rad);
+            owed_rad += step.turn_rad - turn_rad;
+            if owed_rad.abs() > SPUN_RAD {
+                owed_rad -= TAU.copysign(owed_rad);
+            }
             heading += turn_rad;
             let ahead_m = (step.ahead_m * scale).clamp(-longest_m, longest_m);
             let apart_m = (step.aside_m * scale).clamp(self.width_m, WIDEST * self.width_m);

@@ -623,20 +623,6 @@ fn tables_of_unitree_move_the_joints_that_they_mean_whatever_the_robots_file_lis
 fn a_table_in_unitrees_order_comes_back_as_the_motion_that_it_is() {
     let (folder, corpus) = corpus("unitree-back");
     let robot = like_g1(&folder);
-    let mut text = fs::read_to_string(&robot).expect("a robot file");
-    text += "\n[anatomy]\nbase = [\"pelvis\"]\nn_pose_rad = {}\nsource = \"a test\"\n";
-    for (segment, joint) in
-        [("left_upper_arm", "left_shoulder_yaw"), ("left_forearm", "left_elbow")]
-    {
-        for side in ["left", "right"] {
-            let (segment, joint) = (segment.replace("left", side), joint.replace("left", side));
-            text += &format!(
-                "\n[[anatomy.segment]]\nsegment = \"{segment}\"\njoint = \"{joint}_joint\"\n\
-                 direction_weight = 1.0\ntwist_weight = 0.1\n"
-            );
-        }
-    }
-    fs::write(&robot, text).expect("a robot file");
     let (out, own) = (folder.join("out"), folder.join("own"));
     let report = export(&corpus, "action=wave-r", "unitree-csv", &robot, &shown(&out));
     assert_eq!(report["outcome"], "done", "{report:#}");

@@ -127,17 +127,20 @@ fn who_turns_walks_in_a_bow() {
 
 #[test]
 fn who_turns_faster_than_the_robot_may_is_turned_after_in_the_next_steps() {
-    let mut steps = walk(12, 0.4, 0.0);
-    for step in &mut steps[2..4] {
-        step.turn_rad = 0.7;
+    // A little more than a quarter, and once around and a bit.
+    for (turn_rad, expected) in [(0.7, 1.4), (3.4, 6.8 - std::f64::consts::TAU)] {
+        let mut steps = walk(12, 0.4, 0.0);
+        for step in &mut steps[2..4] {
+            step.turn_rad = turn_rad;
+        }
+        let (body, gait) = walked(&steps, 1.0);
+        let (feet, _, falls_at) = stood(&body, &gait, 120.0);
+        assert_eq!(falls_at, None);
+        let last = feet[feet.len() - 1];
+        let across = last[0] - last[1];
+        let heading = (-across.x).atan2(across.y);
+        assert!((heading - expected).abs() < 0.05, "{turn_rad}: {heading}, {expected}");
     }
-    let (body, gait) = walked(&steps, 1.0);
-    let (feet, _, falls_at) = stood(&body, &gait, 120.0);
-    assert_eq!(falls_at, None);
-    let last = feet[feet.len() - 1];
-    let across = last[0] - last[1];
-    let heading = (-across.x).atan2(across.y);
-    assert!((heading - 1.4).abs() < 0.05, "{heading}");
 }
 
 #[test]
