@@ -363,7 +363,7 @@ fn of_robots_that_ship_the_anatomy_is_guessed_that_somebody_wrote() {
 fn of_public_models_the_anatomy_is_guessed_that_names_of_joints_tell() {
     let Some(robots) = captured::captured("robots") else { return };
     // Head, trunk; upper arm, forearm, thigh, shank and foot of the left side, then what differs in names of the right.
-    const RIGHT_RAD: f64 = 1.570_796;
+    let right_rad = (std::f64::consts::FRAC_PI_2 * 1e6).round() / 1e6;
     // How its arms hang: G1's forearms look ahead at zero, T1's arms to its sides.
     for (file, base, trunk, left, sides, hanging) in [
         (
@@ -378,7 +378,7 @@ fn of_public_models_the_anatomy_is_guessed_that_names_of_joints_tell() {
                 "left_ankle_roll_joint",
             ],
             ["left_", "right_"],
-            &[("left_elbow_joint", RIGHT_RAD), ("right_elbow_joint", RIGHT_RAD)][..],
+            &[("left_elbow_joint", right_rad), ("right_elbow_joint", right_rad)][..],
         ),
         (
             "booster_t1/t1.xml",
@@ -392,7 +392,7 @@ fn of_public_models_the_anatomy_is_guessed_that_names_of_joints_tell() {
                 "left_ankle_roll",
             ],
             ["left_", "right_"],
-            &[("left_shoulder_roll", -RIGHT_RAD), ("right_shoulder_roll", RIGHT_RAD)],
+            &[("left_shoulder_roll", -right_rad), ("right_shoulder_roll", right_rad)],
         ),
         (
             "hightorque_hi/hi_25dof.xml",
