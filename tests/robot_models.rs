@@ -563,7 +563,7 @@ fn of_what_nobody_can_tell_nothing_is_guessed_and_why_is_said() {
     let back = legs.replace("xyz='0.01 0 -0.02'", "xyz='-0.02 0 -0.02'");
     let fingers: Vec<Limb> = [0.06, 0.03, -0.03, -0.06].map(|y| ([0.0, y, 0.0], ARM)).into();
     for (model, reason) in [
-        (MADE_URDF.to_owned(), "no limb"),
+        (MADE_URDF.to_owned(), "no two arms"),
         // Front legs as low as hind legs, and a little higher.
         (dog([0.0; 4]), "more than one limb"),
         (dog([0.01, 0.01, 0.0, 0.0]), "no higher than its legs"),

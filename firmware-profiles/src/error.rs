@@ -54,7 +54,8 @@ impl Faults {
         let place = error.place.take();
         let same = self.kept.iter_mut().find(|of| of.error == error && !of.places.is_empty());
         if let (Some(same), Some(place)) = (same, &place) {
-            if same.places.len() < PLACES {
+            if same.places.len() < PLACES && self.bytes + place.len() <= MOST_BYTES {
+                self.bytes += place.len();
                 same.places.push(place.clone());
             } else {
                 same.more += 1;

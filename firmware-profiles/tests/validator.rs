@@ -534,6 +534,10 @@ fn a_file_of_nothing_but_faults_is_told_of_some_and_ends() {
     let place = error.place.expect("where");
     assert!(place.starts_with("joint \"j0\"; joint \"j1\""), "{place}");
     assert!(place.ends_with("; and 192 more"), "{place}");
+    // However long names are, and however many faults share theirs.
+    let long = text.replace("name = \"j", &format!("name = \"{}", "x".repeat(20_000)));
+    let error = parse_robot("my-arm.toml", &long).expect_err("no servo");
+    assert!(error.to_string().len() < 200_000, "{}", error.to_string().len());
     let long = "x".repeat(500_000);
     let text = changed(ARM, "\"shoulder\"", &format!("\"{long}!\""));
     let error = parse_robot("my-arm.toml", &text).expect_err("a name");

@@ -204,9 +204,10 @@ fn import_text(found: &Imported, file: &Path) -> String {
     if !found.anatomy.is_empty() {
         let parts = found.anatomy.iter().map(|(part, joint)| format!("{joint} moves {part}"));
         let parts: Vec<String> = parts.collect();
+        let when = if found.faults.is_some() { "once the file is whole, " } else { "" };
         let _ = writeln!(
             out,
-            "anatomy   guessed from where joints are: {}\n          look at it: gaitway retarget walk --robot {:?} --hang -o look.csv --html look.html",
+            "anatomy   guessed from where joints are: {}\n          {when}look at it: gaitway retarget walk --robot {:?} --hang -o look.csv --html look.html",
             parts.join(", "),
             file.display().to_string()
         );

@@ -23,6 +23,8 @@ const ARM_ASIDE_M: f64 = 0.02;
 const HAND_ASIDE_M: f64 = 0.03;
 /// A head is at most so far from the middle, m.
 const MIDDLE_M: f64 = 0.02;
+/// Joints that something else on a side has at least that may be a limb.
+const LIMB_JOINTS: usize = 3;
 /// Joints that legs of a model without soles have at least, and how alike both are, as a part of their length.
 const LEG_JOINTS: usize = 4;
 const ALIKE: f64 = 0.1;
@@ -106,7 +108,10 @@ pub(super) fn guessed(model: &PublicModel, of: &Reduced) -> Result<Anatomy, &'st
             );
         }
         // What is held needs no legs: what hangs on it are arms.
-        (_, _, BaseKind::Fixed) => (None, body.hands(&at, None)?),
+        (_, _, BaseKind::Fixed) => {
+            let hands = body.hands(&at, None)?;
+            (None, Some(hands.ok_or("it is held by its base and has no two arms, left and right")?))
+        }
     };
     let on = |joint: usize, ends: Option<[usize; 2]>| ends.is_some_and(|of| body.is_on(joint, of));
     let (hips, legs) = body.pair(feet, |path| body.leg(&at, path));
@@ -348,7 +353,7 @@ impl Chain<'_> {
             return Ok(None);
         };
         let is_limb = |end: &usize| {
-            let is_other = !self.is_on(*end, hands) && self.path(*end).len() >= BALL;
+            let is_other = !self.is_on(*end, hands) && self.path(*end).len() >= LIMB_JOINTS;
             is_other && at[*end].y.abs() > ARM_ASIDE_M
         };
         if free.iter().any(is_limb) {
