@@ -70,7 +70,7 @@ impl GaitChange {
 }
 
 /// A turning point in the time of the whole.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Seam {
     at_s: f64,
     angle_rad: f64,

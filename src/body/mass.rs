@@ -63,8 +63,11 @@ const HAND_LENGTH: [f64; 2] = [0.0780 / 1.735, 0.0862 / 1.741];
 
 /// By [`Segment::index`], what each segment of a body weighs, in its anatomical frame, from its
 /// proximal joint.
+pub type SegmentMasses = [Mass; 13];
+
+/// The masses of a body.
 #[must_use]
-pub fn segment_masses(body: &Proportions) -> [Mass; 13] {
+pub fn segment_masses(body: &Proportions) -> SegmentMasses {
     let of = |pair: [f64; 2]| Sex::of(body.sex(), pair);
     let stature_m = body.stature_m();
     // A part whose upper or rear end lies at `from_m` and that goes on for `length_m` along an axis.
@@ -129,7 +132,7 @@ pub fn notch_m(body: &Proportions) -> DVec3 {
 
 /// The segments of a posed body with their masses, by [`Segment::index`].
 #[must_use]
-pub fn posed(body: &Proportions, masses: &[Mass; 13], pose: &SegmentPose) -> [Posed; 13] {
+pub fn posed(body: &Proportions, masses: &SegmentMasses, pose: &SegmentPose) -> [Posed; 13] {
     let at = body.positions(pose);
     Segment::ALL.map(|segment| Posed {
         mass: masses[segment.index()],
@@ -140,7 +143,7 @@ pub fn posed(body: &Proportions, masses: &[Mass; 13], pose: &SegmentPose) -> [Po
 
 /// Where the centre of mass of a posed body is, m.
 #[must_use]
-pub fn centre_of_mass_m(body: &Proportions, masses: &[Mass; 13], pose: &SegmentPose) -> DVec3 {
+pub fn centre_of_mass_m(body: &Proportions, masses: &SegmentMasses, pose: &SegmentPose) -> DVec3 {
     centre_m(&posed(body, masses, pose))
 }
 

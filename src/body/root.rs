@@ -6,9 +6,9 @@
 //! do smoothly (the heel that meets the floor, a landing) is spread over [`SPREAD_S`], so that position
 //! and velocity have no jumps.
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 
-use crate::body::mass::{centre_of_mass_m, segment_masses};
+use crate::body::mass::{SegmentMasses, centre_of_mass_m, segment_masses};
 use crate::body::{End, Proportions, SegmentPose};
 use crate::rigid::ground::GRAVITY_M_S2;
 
@@ -25,24 +25,47 @@ const FLIES_M: f64 = 0.002;
 /// The ends of both soles: what can carry.
 pub const SOLES: [End; 4] = [End::LeftHeel, End::LeftToe, End::RightHeel, End::RightToe];
 
+/// Of a pose: [`SOLES`] and the centre of mass against the root, m.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AboutRoot {
+    pub(crate) soles_m: [DVec3; 4],
+    centre_m: DVec3,
+}
+
+impl AboutRoot {
+    /// Of a pose, wherever its root is.
+    pub(crate) fn of(body: &Proportions, masses: &SegmentMasses, pose: &SegmentPose) -> Self {
+        let pose = SegmentPose { root_m: DVec3::ZERO, ..pose.clone() };
+        let at = body.positions(&pose);
+        let soles_m = SOLES.map(|end| at.end_m(end));
+        Self { soles_m, centre_m: centre_of_mass_m(body, masses, &pose) }
+    }
+
+    /// The same of a body that is turned as a whole.
+    pub(crate) fn turned(&self, turn: DQuat) -> Self {
+        Self { soles_m: self.soles_m.map(|sole_m| turn * sole_m), centre_m: turn * self.centre_m }
+    }
+}
+
 /// Root positions of poses that follow at `rate_hz`, whose own are ignored; the first has its root above the
 /// origin.
 #[must_use]
 pub fn path_m(body: &Proportions, poses: &[SegmentPose], rate_hz: f64) -> Vec<DVec3> {
     let masses = segment_masses(body);
-    // Against the root: soles and centre of mass.
-    let about_root: Vec<([DVec3; 4], DVec3)> = poses
-        .iter()
-        .map(|pose| {
-            let pose = SegmentPose { root_m: DVec3::ZERO, ..pose.clone() };
-            let at = body.positions(&pose);
-            (SOLES.map(|end| at.end_m(end)), centre_of_mass_m(body, &masses, &pose))
-        })
-        .collect();
-    let mut centres_m = unspread_m(&about_root, rate_hz);
+    let about_root: Vec<AboutRoot> =
+        poses.iter().map(|pose| AboutRoot::of(body, &masses, pose)).collect();
+    path_about_m(&about_root, rate_hz)
+}
+
+/// The same of what is known of poses.
+pub(crate) fn path_about_m(about_root: &[AboutRoot], rate_hz: f64) -> Vec<DVec3> {
+    let mut centres_m = unspread_m(about_root, rate_hz);
     spread(&mut centres_m, rate_hz, SPREAD_S);
-    let mut roots_m: Vec<DVec3> =
-        centres_m.iter().zip(&about_root).map(|(centre_m, about)| *centre_m - about.1).collect();
+    let mut roots_m: Vec<DVec3> = centres_m
+        .iter()
+        .zip(about_root)
+        .map(|(centre_m, about)| *centre_m - about.centre_m)
+        .collect();
     if let Some(first) = roots_m.first().map(|root_m| DVec3::new(root_m.x, root_m.y, 0.0)) {
         for root_m in &mut roots_m {
             *root_m -= first;
@@ -53,11 +76,11 @@ pub fn path_m(body: &Proportions, poses: &[SegmentPose], rate_hz: f64) -> Vec<DV
 
 /// Where the centre of mass is while soles stay where they stand and flights are free, with the jumps of
 /// velocity that legs leave.
-fn unspread_m(about_root: &[([DVec3; 4], DVec3)], rate_hz: f64) -> Vec<DVec3> {
+fn unspread_m(about_root: &[AboutRoot], rate_hz: f64) -> Vec<DVec3> {
     let step_s = 1.0 / rate_hz;
     let mut centres_m: Vec<DVec3> = Vec::with_capacity(about_root.len());
     let mut flying_m_s: Option<DVec2> = None;
-    for (at, (soles_m, centre_m)) in about_root.iter().enumerate() {
+    for (at, AboutRoot { soles_m, centre_m }) in about_root.iter().enumerate() {
         let stands_z_m = centre_m.z - lowest(soles_m);
         let [.., before, last] = centres_m[..] else {
             // Nothing moves before the first pose.
@@ -72,9 +95,9 @@ fn unspread_m(about_root: &[([DVec3; 4], DVec3)], rate_hz: f64) -> Vec<DVec3> {
             velocity_m_s * step_s
         } else {
             flying_m_s = None;
-            let (soles_before_m, centre_before_m) = &about_root[at - 1];
-            let moved_m = carried_m(soles_before_m, soles_m);
-            moved_m + (*centre_m - *centre_before_m).truncate()
+            let was = &about_root[at - 1];
+            let moved_m = carried_m(&was.soles_m, soles_m);
+            moved_m + (*centre_m - was.centre_m).truncate()
         };
         centres_m.push((last.truncate() + level_m).extend(z_m));
     }
@@ -165,7 +188,6 @@ pub fn spread(points_m: &mut [DVec3], rate_hz: f64, deviation_s: f64) {
 mod tests {
     use super::*;
     use crate::body::{Dof, JointAngles};
-    use glam::DQuat;
 
     const RATE_HZ: f64 = 240.0;
 

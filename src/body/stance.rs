@@ -32,49 +32,64 @@ const STEEP: [f64; 2] = [0.1, 0.95];
 
 const FEET: [Segment; 2] = [Segment::LeftFoot, Segment::RightFoot];
 
-/// Poses of a body with these angles, which follow at `rate_hz`, its root at the origin: the pelvis turned
-/// by the feet that stand, from facing +X, and soles as flat sideways as ankles make them.
-#[must_use]
-pub fn poses(body: &Proportions, angles: &[JointAngles], rate_hz: f64) -> Vec<SegmentPose> {
-    // By pose: how much of the weight is on the left foot, and where its and the other's front points.
-    let mut left: Vec<DVec3> = Vec::with_capacity(angles.len());
-    let mut headings: Vec<[f64; 2]> = Vec::with_capacity(angles.len());
-    for angles in angles {
+/// What of a pose does not hang on how its pelvis is turned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Upright {
+    /// The part of the weight on the left foot.
+    left: f64,
+    /// Where the left and the right foot's front points, rad.
+    headings_rad: [f64; 2],
+}
+
+impl Upright {
+    pub(crate) fn of(body: &Proportions, angles: &JointAngles) -> Self {
         let upright = angles.to_pose(DVec3::ZERO, DQuat::IDENTITY);
         let at = body.positions(&upright);
         let [left_m, right_m] =
             [0, 2].map(|first| at.end_m(SOLES[first]).z.min(at.end_m(SOLES[first + 1]).z));
-        left.push(DVec3::new(1.0 / (1.0 + ((left_m - right_m) / STANDS_M).exp()), 0.0, 0.0));
-        headings.push(FEET.map(|foot| {
+        let headings_rad = FEET.map(|foot| {
             let front = upright.orientation[foot.index()] * DVec3::X;
             front.y.atan2(front.x)
-        }));
+        });
+        Self { left: 1.0 / (1.0 + ((left_m - right_m) / STANDS_M).exp()), headings_rad }
     }
+}
+
+/// How the pelvis is turned by the feet that stand, from facing +X, while the body has these angles, which follow at `rate_hz`.
+pub(crate) fn pelvises(
+    angles: &[JointAngles],
+    uprights: &[Upright],
+    rate_hz: f64,
+) -> Vec<PelvisAngles> {
+    let mut left: Vec<DVec3> =
+        uprights.iter().map(|upright| DVec3::new(upright.left, 0.0, 0.0)).collect();
     spread(&mut left, rate_hz, SHIFTS_S);
-    let mut rotation = DVec3::ZERO;
-    let mut rotations: Vec<DVec3> = Vec::with_capacity(angles.len());
-    for (at, part) in left.iter().enumerate() {
+    let mut rotation_rad = 0.0;
+    let mut found = Vec::with_capacity(angles.len());
+    for (at, (angles, part)) in angles.iter().zip(&left).enumerate() {
         if let Some(before) = at.checked_sub(1) {
-            let turned =
-                |foot: usize| crate::units::wrap_rad(headings[at][foot] - headings[before][foot]);
-            rotation.x -= part.x * turned(0) + (1.0 - part.x) * turned(1);
+            let [before, now] = [before, at].map(|at| uprights[at].headings_rad);
+            let turned = |foot: usize| crate::units::wrap_rad(now[foot] - before[foot]);
+            rotation_rad -= part.x * turned(0) + (1.0 - part.x) * turned(1);
         }
-        rotations.push(rotation);
-    }
-    let listed = angles.iter().zip(&left).map(|(angles, part)| {
         let asked = LISTS
             * ((1.0 - part.x) * angles[Dof::RightHipAbduction]
                 - part.x * angles[Dof::LeftHipAbduction]);
-        MOST_LIST_RAD * (asked / MOST_LIST_RAD).tanh()
-    });
-    angles
-        .iter()
-        .zip(&rotations)
-        .zip(listed)
-        .map(|((angles, rotation), obliquity_rad)| {
-            let pelvis = PelvisAngles { rotation_rad: rotation.x, obliquity_rad, tilt_rad: 0.0 };
-            on_flat_soles(angles, DVec3::ZERO, pelvis.to_orientation())
-        })
+        let obliquity_rad = MOST_LIST_RAD * (asked / MOST_LIST_RAD).tanh();
+        found.push(PelvisAngles { rotation_rad, obliquity_rad, tilt_rad: 0.0 });
+    }
+    found
+}
+
+/// Poses of a body with these angles, which follow at `rate_hz`, its root at the origin: the pelvis turned
+/// by the feet that stand, from facing +X, and soles as flat sideways as ankles make them.
+#[must_use]
+pub fn poses(body: &Proportions, angles: &[JointAngles], rate_hz: f64) -> Vec<SegmentPose> {
+    let uprights: Vec<Upright> = angles.iter().map(|angles| Upright::of(body, angles)).collect();
+    let pelvises = pelvises(angles, &uprights, rate_hz);
+    let posed = angles.iter().zip(pelvises);
+    posed
+        .map(|(angles, pelvis)| on_flat_soles(angles, DVec3::ZERO, pelvis.to_orientation()))
         .collect()
 }
 

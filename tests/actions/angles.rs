@@ -174,7 +174,8 @@ fn captured() -> Option<Vec<Truth>> {
         angles: JointAngles::of_clip(&capture.poses, capture.rate_hz).angles,
         poses: capture.poses,
     };
-    Some(read_captures(4)?.into_iter().map(of).collect())
+    let every = if std::env::var_os("GAITWAY_LONG").is_some() { 4 } else { 12 };
+    Some(read_captures(every)?.into_iter().map(of).collect())
 }
 
 /// Normally distributed with a standard deviation of 1 (Box and Muller).

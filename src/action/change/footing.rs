@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use glam::DVec2;
+use glam::{DQuat, DVec2, DVec3};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{Gait, Line, Seam, chain, limits};
@@ -18,7 +18,10 @@ use crate::action::{Crossing, GaitChange, Motion};
 use crate::actionlet::shape::PEAK_AT;
 use crate::actionlet::{Actionlet, Sequence, Shape};
 use crate::body::contact::worst_slide_m;
-use crate::body::{Dof, JointAngles, Proportions, root, stance};
+use crate::body::mass::{SegmentMasses, segment_masses};
+use crate::body::root::{AboutRoot, path_about_m};
+use crate::body::stance::{self, Upright};
+use crate::body::{Dof, JointAngles, PelvisAngles, Proportions};
 use crate::error::{Error, ErrorKind};
 use crate::motion::JointLimits;
 
@@ -75,6 +78,7 @@ struct Moved {
 /// The legs around a change, as they may be moved.
 struct Around {
     body: Proportions,
+    masses: SegmentMasses,
     moved: Vec<Moved>,
     /// By degree of freedom: the chain from before to after what is looked at.
     given: Vec<Vec<Seam>>,
@@ -83,6 +87,26 @@ struct Around {
     judged: Looks,
     slides_m: f64,
     root_m_s2: f64,
+}
+
+/// The body with its seams somewhere. Of the next trial, in which few of them are elsewhere, most instants are known by it.
+struct Body {
+    all: Vec<Vec<Seam>>,
+    seen: Vec<Seen>,
+}
+
+/// The body at an instant.
+struct Seen {
+    angles: JointAngles,
+    upright: Upright,
+    pelvis: PelvisAngles,
+    about: AboutRoot,
+}
+
+/// A body, and what is off of it.
+struct Trial {
+    off: DVector<f64>,
+    body: Body,
 }
 
 /// Instants at which the body is looked at, and its angles there before anything is moved.
@@ -197,7 +221,8 @@ impl Around {
                 lines[moved.dof.index()].seams[moved.seams.start - 1..=moved.seams.end].to_vec()
             })
             .collect();
-        Ok(Self { body: *body, moved, given, looks, judged, slides_m, root_m_s2 })
+        let masses = segment_masses(body);
+        Ok(Self { body: *body, masses, moved, given, looks, judged, slides_m, root_m_s2 })
     }
 
     /// The least part of what they may do that feet and root do, and how far seams are moved there, in parts of
@@ -226,29 +251,29 @@ impl Around {
     /// From there to where what is off and how far seams are moved weigh least together.
     fn least(&self, mut at: DVector<f64>, matters: f64) -> Result<DVector<f64>, Error> {
         let count = at.len();
-        let Some(mut off) = self.off(&at, matters)? else { return Ok(at) };
-        let mut worth = off.norm_squared() + at.norm_squared();
+        let Some(mut now) = self.trial(&at, matters, None)? else { return Ok(at) };
+        let mut worth = now.off.norm_squared() + at.norm_squared();
         let mut damping = 1.0;
         for _ in 0..STEPS {
-            let mut slopes = DMatrix::zeros(off.len(), count);
+            let mut slopes = DMatrix::zeros(now.off.len(), count);
             for column in 0..count {
                 let mut nudged = at.clone();
                 nudged[column] += NUDGE;
-                if let Some(moved) = self.off(&nudged, matters)? {
-                    slopes.set_column(column, &((moved - &off) / NUDGE));
+                if let Some(moved) = self.trial(&nudged, matters, Some(&now.body))? {
+                    slopes.set_column(column, &((moved.off - &now.off) / NUDGE));
                 }
             }
             let turned = slopes.transpose();
-            let (normal, pull) = (&turned * &slopes, &turned * &off + &at);
+            let (normal, pull) = (&turned * &slopes, &turned * &now.off + &at);
             let mut better = false;
             for _ in 0..TRIES {
                 let damped = &normal + DMatrix::identity(count, count) * (1.0 + damping);
                 let Some(factors) = Cholesky::new(damped) else { break };
                 let next = &at - factors.solve(&pull);
-                if let Some(then) = self.off(&next, matters)? {
-                    let then_worth = then.norm_squared() + next.norm_squared();
+                if let Some(then) = self.trial(&next, matters, Some(&now.body))? {
+                    let then_worth = then.off.norm_squared() + next.norm_squared();
                     if then_worth < worth * ENOUGH_BETTER {
-                        (at, off, worth, better) = (next, then, then_worth, true);
+                        (at, now, worth, better) = (next, then, then_worth, true);
                         damping = (damping / 4.0).max(1e-3);
                         break;
                     }
@@ -290,8 +315,13 @@ impl Around {
     }
 
     /// How far soles leave where they stand, how hard the root is thrown, and how much too fast joints are, in parts
-    /// of what is allowed to them; none where seams pass one another.
-    fn off(&self, at: &DVector<f64>, matters: f64) -> Result<Option<DVector<f64>>, Error> {
+    /// of what is allowed to them; none where seams pass one another. What `before` saw is not looked at anew.
+    fn trial(
+        &self,
+        at: &DVector<f64>,
+        matters: f64,
+        before: Option<&Body>,
+    ) -> Result<Option<Trial>, Error> {
         let all = self.seams(at);
         let apart = |pair: &[Seam]| pair[1].at_s - pair[0].at_s >= APART_S;
         if !all.iter().all(|seams| seams.windows(2).all(apart)) {
@@ -302,29 +332,75 @@ impl Around {
             let chain = chain(seams)?;
             off.extend(chain.actionlets().iter().flat_map(|piece| hastes(piece, &moved.limits)));
         }
-        self.add_feet(&self.feet(&all, &self.looks)?, matters, &mut off);
-        Ok(Some(DVector::from_vec(off)))
+        let (feet, body) = self.feet(all, &self.looks, before)?;
+        self.add_feet(&feet, matters, &mut off);
+        Ok(Some(Trial { off: DVector::from_vec(off), body }))
     }
 
     /// The feet of the body with these seams.
-    fn feet(&self, all: &[Vec<Seam>], looks: &Looks) -> Result<Feet, Error> {
-        let mut angles = looks.angles.clone();
-        for (moved, seams) in self.moved.iter().zip(all) {
-            looks.lay(&mut angles, moved.dof, &chain(seams)?);
+    fn feet(
+        &self,
+        all: Vec<Vec<Seam>>,
+        looks: &Looks,
+        before: Option<&Body>,
+    ) -> Result<(Feet, Body), Error> {
+        let mut angles = match before {
+            Some(before) => before.seen.iter().map(|seen| seen.angles).collect(),
+            None => looks.angles.clone(),
+        };
+        for (which, (moved, seams)) in self.moved.iter().zip(&all).enumerate() {
+            if before.is_none_or(|before| before.all[which] != *seams) {
+                looks.lay(&mut angles, moved.dof, &chain(seams)?);
+            }
         }
-        let mut poses = stance::poses(&self.body, &angles, looks.rate_hz);
-        let roots_m = root::path_m(&self.body, &poses, looks.rate_hz);
-        for (pose, root_m) in poses.iter_mut().zip(roots_m) {
-            pose.root_m = root_m;
-        }
+        let same =
+            |look: usize| Some(&before?.seen[look]).filter(|seen| seen.angles == angles[look]);
+        let upright = |(look, angles): (usize, &JointAngles)| {
+            same(look).map_or_else(|| Upright::of(&self.body, angles), |seen| seen.upright)
+        };
+        let uprights: Vec<Upright> = angles.iter().enumerate().map(upright).collect();
+        let pelvises = stance::pelvises(&angles, &uprights, looks.rate_hz);
+        let about = |(look, pelvis): (usize, &PelvisAngles)| {
+            let listed_alike = |seen: &&Seen| {
+                seen.pelvis == PelvisAngles { rotation_rad: seen.pelvis.rotation_rad, ..*pelvis }
+            };
+            match same(look).filter(listed_alike) {
+                Some(seen) if seen.pelvis == *pelvis => seen.about,
+                Some(seen) => {
+                    let turned_rad = pelvis.rotation_rad - seen.pelvis.rotation_rad;
+                    seen.about.turned(DQuat::from_rotation_z(turned_rad))
+                }
+                None => {
+                    let turned = pelvis.to_orientation();
+                    let pose = stance::on_flat_soles(&angles[look], DVec3::ZERO, turned);
+                    AboutRoot::of(&self.body, &self.masses, &pose)
+                }
+            }
+        };
+        let abouts: Vec<AboutRoot> = pelvises.iter().enumerate().map(about).collect();
+        let roots_m = path_about_m(&abouts, looks.rate_hz);
         // Small; the cast saturates.
-        let edge = ((EDGE_S * looks.rate_hz) as usize).min(poses.len() / 2);
-        Ok(Feet::of(&self.body, &poses[edge..poses.len() - edge]))
+        let edge = ((EDGE_S * looks.rate_hz) as usize).min(roots_m.len() / 2);
+        let judged = edge..roots_m.len() - edge;
+        let soles_m = abouts.iter().zip(&roots_m);
+        let soles_m = soles_m.map(|(about, root_m)| about.soles_m.map(|sole_m| sole_m + *root_m));
+        let feet = Feet {
+            soles_m: soles_m.skip(edge).take(judged.len()).collect(),
+            roots_m: roots_m[judged].to_vec(),
+        };
+        let seen = angles.into_iter().zip(uprights).zip(pelvises.into_iter().zip(abouts));
+        let seen = seen.map(|((angles, upright), (pelvis, about))| Seen {
+            angles,
+            upright,
+            pelvis,
+            about,
+        });
+        Ok((feet, Body { all, seen: seen.collect() }))
     }
 
     /// The part of what they may do that feet and root do.
     fn share(&self, at: &DVector<f64>) -> Result<f64, Error> {
-        let feet = self.feet(&self.seams(at), &self.judged)?;
+        let (feet, _) = self.feet(self.seams(at), &self.judged, None)?;
         let jerked = feet.root_m_s2() / self.root_m_s2;
         Ok(jerked.max(worst_slide_m(&feet.soles_m) / self.slides_m))
     }
