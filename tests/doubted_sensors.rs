@@ -386,11 +386,10 @@ fn what_faults_do_to_a_robot_is_bounded_and_printed() {
                 doubts.changes.len(),
             );
             let most_deg = match fault {
-                // Named by what a walk shows, after five seconds (tests/swapped_legs.rs), or in T pose.
+                // Named by what a walk shows, after five seconds (tests/swapped_sensors.rs), or in T pose.
                 Fault::Swapped(..) => continue,
                 Fault::Tilts => 22.0,
-                // A gait is so even that the filter makes up for most of it.
-                Fault::DeadAxis => 20.0,
+                Fault::DeadAxis => 2.0,
                 _ => 14.0,
             };
             assert!(excess(&doubts) < most_deg, "{motion} {fault:?}: {}", excess(&doubts));

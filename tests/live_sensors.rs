@@ -270,7 +270,7 @@ fn swapped_legs_end_it_unless_that_is_insisted_on(folder: &Path) {
     assert_eq!(report["stop"]["code"], "sensors-swapped", "{report}");
     assert_eq!(report["outcome"], "stopped");
     assert_eq!(report["referee"]["violations"], serde_json::json!([]));
-    let named = "the left thigh swings with the right shank";
+    let named = "the sensors of the two shanks seem to be swapped";
     for told in [&report["stop_reason"], &report["body"]["doubts"][0]] {
         assert!(told.as_str().is_some_and(|told| told.contains(named)), "{report}");
     }

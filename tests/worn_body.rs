@@ -513,13 +513,31 @@ fn sensors_that_were_swapped_are_doubted_and_others_are_not() {
             angles[Dof::LeftKneeFlexion] = 1.2 * left;
             angles[Dof::RightHipFlexion] = 0.6 * right;
             angles[Dof::RightKneeFlexion] = 1.2 * right;
+            angles[Dof::LeftElbowFlexion] = 1.4 * right;
+            angles[Dof::RightElbowFlexion] = 1.4 * left;
+            angles.to_pose(DVec3::ZERO, DQuat::IDENTITY)
+        })
+        .collect();
+    // Sitting down on a low stool and getting up.
+    let sit: Vec<SegmentPose> = (0..400)
+        .map(|n| {
+            let part = (1.0 - (2.0 * PI * f64::from(n) / 400.0).cos()) / 2.0;
+            let mut angles = JointAngles::default();
+            for (hip, knee) in [
+                (Dof::LeftHipFlexion, Dof::LeftKneeFlexion),
+                (Dof::RightHipFlexion, Dof::RightKneeFlexion),
+            ] {
+                (angles[hip], angles[knee]) = (1.5 * part, 1.8 * part);
+            }
             angles.to_pose(DVec3::ZERO, DQuat::IDENTITY)
         })
         .collect();
     for seed in 1..=5 {
         let mut person = Person::new(&Segment::ALL, REAL, seed);
         let poses = march.clone();
-        let moves = [Moved { movement: Movement::Bend, orientation: person.series(&poses) }];
+        let bend = Moved { movement: Movement::Bend, orientation: person.series(&poses) };
+        let sat = Moved { movement: Movement::SitToStand, orientation: person.series(&sit) };
+        let moves = [bend, sat];
         let (n_pose, t) = (person.stand(&JointAngles::default()), person.stand(&t_pose()));
         let worn = person.sensors(true);
         let doubts = check::doubts(&worn, &n_pose, Some(&t), &moves);
@@ -533,6 +551,21 @@ fn sensors_that_were_swapped_are_doubted_and_others_are_not() {
             swapped[right.index()].segment = left;
             let doubts = check::doubts(&swapped, &n_pose, Some(&t), &moves);
             assert!(doubts.iter().any(|doubt| doubt.contains(limb)), "{limb}: {doubts:?}");
+        }
+        // Of one limb, and no other sensor is named for it.
+        for (one, other) in [
+            (Segment::LeftThigh, Segment::LeftShank),
+            (Segment::RightUpperArm, Segment::RightForearm),
+        ] {
+            let mut swapped = worn.clone();
+            swapped[one.index()].segment = other;
+            swapped[other.index()].segment = one;
+            let doubts = check::doubts(&swapped, &n_pose, None, &moves);
+            let [doubt] = &doubts[..] else { panic!("{one:?}: {doubts:?}") };
+            for segment in [one, other] {
+                let name = gaitway::body::segment_name(segment).replace('_', " ");
+                assert!(doubt.contains(&name), "{doubt}");
+            }
         }
     }
 }

@@ -48,14 +48,14 @@ pub fn of(cue: &Cue<'_>) -> String {
             "  it has not been begun yet; at a terminal s and Enter leaves it out".to_owned()
         }
         Cue::Waiting { until, segments } => {
-            let words = match until {
-                Until::Up | Until::Begun => "not up yet",
-                Until::Back => "not back yet",
+            let (words, otherwise) = match until {
+                Until::Up | Until::Begun => ("not up yet", ""),
+                Until::Back => ("not back yet", "; at a terminal s and Enter leaves it out"),
             };
             let far = segments.iter().map(|(segment, rad)| {
                 format!("{} ({:.0} deg from N pose)", segment_name(*segment), rad.to_degrees())
             });
-            format!("  {words}: {}", far.collect::<Vec<_>>().join(", "))
+            format!("  {words}: {}{otherwise}", far.collect::<Vec<_>>().join(", "))
         }
         Cue::Unseen(Unseen::TPose) => {
             "  no T pose was seen: the arms' headings are not checked".to_owned()

@@ -35,6 +35,8 @@ const TRIES: usize = 10;
 const SPREAD_RAD: f64 = FRAC_PI_2 - 0.6;
 /// A movement has begun once a segment turned so far, rad.
 const BEGUN_RAD: f64 = 0.35;
+/// Whoever turns any segment so far has begun, rad.
+const SURELY_RAD: f64 = 0.8;
 /// It is over once all are so near to N pose again, rad.
 const BACK_RAD: f64 = 0.15;
 /// Slower sensors could not be followed, Hz: their poses would be too old.
@@ -405,7 +407,9 @@ impl<'a> Guide<'a> {
             let said = self.sensors.now();
             let off = |at: usize| turned_rad(&n_pose[at], said[at]?);
             let is_back = (0..said.len()).all(|at| off(at).is_some_and(|rad| rad < BACK_RAD));
-            let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD));
+            // Where sensors are swapped others turn than should; it is said at the end that they are.
+            let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD))
+                || all.iter().any(|at| off(*at).is_some_and(|rad| rad > SURELY_RAD));
             if !is_back {
                 self.hint(&mut hint_at, Until::Back, &all, n_pose, |rad| !(rad < BACK_RAD));
             } else if now >= hint_at && !progress.has_begun() {

@@ -1,6 +1,6 @@
 //! Whether a person stands, moves and wears sensors as was asked for.
 
-use super::calibrate::{self, CONSISTENT, Calibration, Moved, STILL_RAD, WornSensor};
+use super::calibrate::{self, CONSISTENT, Calibration, Moved, Movement, STILL_RAD, WornSensor};
 use crate::body::dof::Dof;
 use crate::body::{JointAngles, Segment};
 use crate::error::Error;
@@ -16,6 +16,10 @@ pub const T_POSE_FAIL_RAD: f64 = 20.0 * PI / 180.0;
 const OPPOSITE_RAD: f64 = 2.0 * PI / 3.0;
 /// Sensors on neighbouring segments move alike by this much more than sensors that are strangers.
 const ALIKE: f64 = 0.3;
+/// Of two neighbours of a limb the one that is to turn more in a movement is turned less by this factor, and the other one by this
+/// angle, rad: they are each other's.
+const TURNS_LESS: f64 = 1.5;
+const TURNS_FAR_RAD: f64 = 0.7;
 /// Pairs of segments that mirror each other, left first.
 pub const PAIRS: [[Segment; 2]; 5] = [
     [Segment::LeftUpperArm, Segment::RightUpperArm],
@@ -84,7 +88,7 @@ pub fn off_t_pose(
 /// Arms: from N to T pose the left one turns about +X and the right one about -X; a sensor that says
 /// the opposite of what its strapping or a movement says is on the other side. Limbs: where a
 /// movement is not the same on both sides, such as marching, neighbouring segments of a limb move
-/// together.
+/// together. Whoever sits down turns the thighs, and not the shanks; whoever bends the elbows the forearms, and not the upper arms.
 #[must_use]
 pub fn doubts(
     sensors: &[WornSensor],
@@ -116,8 +120,46 @@ pub fn doubts(
             _ => {}
         }
     }
+    let mut upside_down = Vec::new();
+    for moved in moves {
+        let greatest_rad = |segment: Segment| {
+            let index = at(segment)?;
+            let turned = moved.orientation.get(index)?.iter();
+            let turned = turned.filter_map(|now| turned_rad(n_pose.get(index)?, *now));
+            turned.reduce(f64::max)
+        };
+        let (more, less) = match moved.movement {
+            Movement::SitToStand => (PAIRS[2], PAIRS[3]),
+            Movement::Bend => (PAIRS[1], PAIRS[0]),
+            Movement::Bow | Movement::RaiseArms => continue,
+        };
+        for (more, less) in more.into_iter().zip(less) {
+            let (Some(more_rad), Some(less_rad)) = (greatest_rad(more), greatest_rad(less)) else {
+                continue;
+            };
+            if less_rad > TURNS_FAR_RAD && less_rad > TURNS_LESS * more_rad {
+                upside_down.extend([more, less]);
+                doubts.push(format!(
+                    "the sensors of the {more} and the {less} seem to be swapped: to {} the {less} turned by {less_deg:.0} deg, the \
+                     {more} by {more_deg:.0}",
+                    match moved.movement {
+                        Movement::SitToStand => "sit down",
+                        _ => "bend the elbows",
+                    },
+                    more = calibrate::words(more),
+                    less = calibrate::words(less),
+                    more_deg = more_rad.to_degrees(),
+                    less_deg = less_rad.to_degrees(),
+                ));
+            }
+        }
+    }
     for moved in moves {
         for (upper, lower) in [(PAIRS[0], PAIRS[1]), (PAIRS[2], PAIRS[3]), (PAIRS[3], PAIRS[4])] {
+            // Beside a limb whose own sensors are swapped those of the other side look as if they were.
+            if upper.iter().chain(&lower).any(|segment| upside_down.contains(segment)) {
+                continue;
+            }
             let speed = |segment: Segment| Some(speeds(moved.orientation.get(at(segment)?)?));
             let [Some(lu), Some(ru), Some(ll), Some(rl)] =
                 [speed(upper[0]), speed(upper[1]), speed(lower[0]), speed(lower[1])]

@@ -4,7 +4,7 @@ use super::Job;
 use super::happening::{Happening, RecordedTrial, Settled, TrialFault, TrialPart};
 use super::operator::{Judged, Ready, Words};
 use crate::body::worn::kept::Kept;
-use crate::body::worn::swaps::swaps_in_legs;
+use crate::body::worn::swaps::swaps_in_walk;
 use crate::error::Error;
 use crate::job::heard::SILENT_S;
 use crate::recording::{SensorMoment, SensorSeries, sensor_series};
@@ -114,18 +114,18 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
     }
 }
 
-/// How often a second it is looked how legs move.
-const LEGS_HZ: f64 = 50.0;
+/// How often a second it is looked how arms and legs move.
+const LOOKED_AT_HZ: f64 = 50.0;
 
-/// Sensors of legs that are on one another's segments, if somebody walks in a recording.
+/// Sensors that are on one another's segments, if somebody walks in a recording.
 fn swapped(part: &SensorSeries) -> Vec<TrialFault> {
     let metadata = part.start.as_ref().map(|start| &start.metadata);
     let kept = metadata.and_then(|metadata| Kept::parse(metadata.get(BODY_KEY)?).ok());
     let body = metadata.and_then(|metadata| body_of(metadata).ok());
     let (Some(kept), Some(body)) = (kept, body) else { return Vec::new() };
     // What cannot be made angles of is told by whoever makes them.
-    let Ok(motion) = WornMotion::of(part, &kept, body, LEGS_HZ) else { return Vec::new() };
-    let found = swaps_in_legs(&motion.poses, &motion.measured, LEGS_HZ);
+    let Ok(motion) = WornMotion::of(part, &kept, body, LOOKED_AT_HZ) else { return Vec::new() };
+    let found = swaps_in_walk(&motion.poses, &motion.measured, LOOKED_AT_HZ);
     found.into_iter().map(|what| TrialFault::Swapped { what }).collect()
 }
 
