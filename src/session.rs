@@ -18,6 +18,7 @@
 //! ```
 
 pub mod angles;
+pub mod doubted;
 pub mod files;
 pub mod folder;
 pub mod manifest;

@@ -8,15 +8,17 @@ use gaitway::body::proportions::proximal_joint;
 use gaitway::body::segment_name;
 use gaitway::body::worn::WornSensor;
 use gaitway::body::worn::calibrate::calibrate;
+use gaitway::body::worn::doubt::Why;
 use gaitway::body::worn::kept::Kept;
 use gaitway::body::{Dof, Joint, JointAngles, Proportions, Segment, SegmentPose};
 use gaitway::capture::{Chain, Mode};
 use gaitway::device::sensor::stream_format;
 use gaitway::mocap::anatomy::Capture;
 use gaitway::recording::{
-    Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceKind, SourceRecord, read,
-    sensor_series,
+    Marker, RecordedSource, Recorder, RunEnd, RunStart, SensorMoment, SourceKind, SourceRecord,
+    read, sensor_series,
 };
+use gaitway::session::doubted::{Doubted, doubted};
 use gaitway::time::{Duration, Instant};
 use gaitway::wire::sensor::Stream;
 use gaitway_sim::imu::{BodyMotion, ImuErrors, ImuWire, Mount, VirtualImu};
@@ -452,5 +454,90 @@ fn a_recording_that_does_not_know_how_it_was_worn_is_a_table_of_samples_or_needs
             &["convert", "bow.mcap", "y.csv", "--calibration-body", "bow.toml", "--rate", bad],
         );
         assert_eq!(refused.status.code(), Some(1), "{bad}");
+    }
+}
+
+/// From when on a sensor is spoilt, since all filters have settled, s: half a second after the walk began.
+const BEGINS_S: f64 = STAND_S - 0.5;
+
+/// What is doubted of somebody who walks, with the left thigh's sensor spoilt.
+fn doubted_of(folder: &Path, spoil: impl Fn(f64, &mut SensorMoment)) -> Vec<Doubted> {
+    let mut series = sensor_series(&folder.join("walk.mcap")).expect("recorded");
+    let metadata = &series.start.as_ref().expect("a start").metadata;
+    let kept = Kept::parse(&metadata["body_calibration"]).expect("a calibration");
+    // Times count from when every filter has settled.
+    let settled = |said: &Vec<SensorMoment>| {
+        let mut said = said.iter().filter(|moment| moment.orientation.is_some());
+        said.next().map(|moment| moment.taken_ns)
+    };
+    let first_ns = series.sensors.values().filter_map(settled).max().expect("all speak");
+    let moments = series.sensors.get_mut("left_thigh").expect("worn");
+    let mut last: Option<SensorMoment> = None;
+    for moment in moments {
+        let time_s = (moment.taken_ns as f64 - first_ns as f64) / 1e9;
+        if time_s >= BEGINS_S {
+            let taken_ns = moment.taken_ns;
+            spoil(time_s - BEGINS_S, moment);
+            // Not a number stands for what was said last.
+            if moment.rate_rad_s.is_some_and(|rate| rate.x.is_nan()) {
+                *moment = SensorMoment { taken_ns, ..last.expect("one before") };
+            }
+        }
+        last = Some(*moment);
+    }
+    doubted(&series, &kept).expect("doubts, or none")
+}
+
+#[test]
+fn what_a_sensor_said_that_cannot_be_is_told_of_a_recording_with_its_time() {
+    let folder = crate::program::folder("convert-doubted");
+    let worn = [Segment::Pelvis, Segment::LeftThigh, Segment::LeftShank];
+    record(&folder.join("walk.mcap"), &Person::doing("walk"), &worn, true, None);
+    assert_eq!(doubted_of(&folder, |_, _| ()), []);
+    type Spoil = fn(f64, &mut SensorMoment);
+    let faults: [(Spoil, Why, f64, f64); 3] = [
+        // Turned over within a sample, and back 0.2 s later.
+        (
+            |since_s, said| {
+                if since_s < 0.2 {
+                    said.orientation = said.orientation.map(|q| DQuat::from_rotation_x(2.0) * q);
+                }
+            },
+            Why::Turn,
+            0.05,
+            0.7,
+        ),
+        (
+            |since_s, said| {
+                if since_s < 1.0 {
+                    said.rate_rad_s = Some(DVec3::NAN);
+                }
+            },
+            Why::Stuck,
+            0.1,
+            1.5,
+        ),
+        // The axis about which a thigh turns most.
+        (
+            |since_s, said| {
+                if since_s < 0.5 {
+                    said.rate_rad_s = said.rate_rad_s.map(|rate| rate.with_y(0.0));
+                }
+            },
+            Why::Stuck,
+            0.2,
+            1.0,
+        ),
+    ];
+    for (spoil, why, within_s, ends_s) in faults {
+        let found = doubted_of(&folder, spoil);
+        let [Doubted { segment: Segment::LeftThigh, why: seen, from_s, to_s }] = found[..] else {
+            panic!("{why:?}: {found:?}")
+        };
+        assert_eq!(seen, why);
+        assert!((-0.02..within_s).contains(&(from_s - BEGINS_S)), "{found:?}");
+        assert!((to_s - BEGINS_S - ends_s).abs() < 0.05, "{found:?}");
+        let words = found[0].words();
+        assert!(words.contains("left thigh") && words.contains(why.words()), "{words}");
     }
 }

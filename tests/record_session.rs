@@ -171,7 +171,8 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
 
     // A script that ends early ends the session, to be gone on with.
     person.is_listened_to();
-    let script = "first\n\n\n\nbow nonsense\nbow walk\ns01\n\n\n1.8\n.\n\n";
+    let script =
+        "first\n\n\n\nbow nonsense\n\nbow walk lift-box\nLift the box.\ns01\n\n\n1.8\n.\n\n";
     let told = |arguments: &[String], script: &str| {
         std::fs::write(folder.join("script"), script).expect("a script");
         let output = crate::program::gaitway()
@@ -189,7 +190,8 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     assert!(said.contains("the vocabulary has no such action"), "{said}");
     let session: SessionFile = read(&folder.join("lab/session.toml"));
     let names: Vec<&str> = session.plan.actions.iter().map(|a| a.name.as_str()).collect();
-    assert_eq!((names, session.plan.repetitions), (vec!["bow", "walk"], 10));
+    assert_eq!((names, session.plan.repetitions), (vec!["bow", "walk", "lift-box"], 10));
+    assert_eq!(session.plan.actions[2].explain, "Lift the box.");
     assert!(folder.join("lab/subjects/s01.toml").exists());
 
     // Other sensors than it was begun with, or none that is worn, are refused.

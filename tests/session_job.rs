@@ -197,6 +197,8 @@ impl Operator for Leader {
                 _ => return Ok("s01".to_owned()),
             },
             Words::SecondSubject => panic!("there is one"),
+            // Its name was mistyped.
+            Words::Explanation { .. } => ("explanation", ""),
             Words::Changed { .. } => panic!("nothing is changed"),
             Words::Gender => ("gender", ""),
             Words::SubjectRemarks => ("injuries", "none"),
@@ -335,6 +337,7 @@ fn a_program_leads_a_session_to_a_finished_folder() {
         asked("place"),
         asked("remarks"),
         asked("actions"),
+        asked("explanation"),
         refused("the vocabulary has no such action"),
         asked("actions"),
         asked("subject"),

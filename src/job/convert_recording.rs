@@ -9,6 +9,7 @@ use crate::job::report::counted;
 use crate::mocap::marker_files;
 use crate::recording;
 use crate::session::angles::{WornMotion, body_of};
+use crate::session::doubted;
 use crate::session::files::BODY_KEY;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -135,6 +136,7 @@ fn angles(
     if !not_worn.is_empty() {
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
     }
+    notes.extend(doubted::words(&doubted::doubted(&series, kept)?));
     if silent + series.missed > 0 {
         notes.push(format!(
             "{} {are} missing in the recording; sensors were silent in {silent}",

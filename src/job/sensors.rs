@@ -14,6 +14,7 @@ use crate::mocap::opensim;
 use crate::recording::{self, SensorMoment, SensorSeries};
 use crate::sensing::Wear;
 use crate::session::angles::{WornMotion, body_of};
+use crate::session::doubted;
 use crate::session::files::BODY_KEY;
 use crate::session::tables::{self, DeclaredSensors};
 use crate::table::TableWriter;
@@ -142,6 +143,7 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
             if !not_worn.is_empty() {
                 notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
             }
+            notes.extend(doubted::words(&doubted::doubted(&series, &kept).map_err(in_file)?));
             let bytes = match kind {
                 "csv" => Some(motion.csv()?),
                 "bvh" => Some(motion.bvh().into_bytes()),

@@ -7,6 +7,7 @@ use super::message::{Run, Topic, parse};
 use super::reader::check_unpacked;
 use super::sample::RunStart;
 use super::scan::{Channel, Found, scan};
+use crate::device::sensor::SensorSample;
 use crate::error::{Error, ErrorKind};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -48,6 +49,19 @@ pub struct SensorMoment {
     pub field_t: Option<DVec3>,
     /// Turns vectors of the sensor into those of its own world, Z up; `None` while nobody knows.
     pub orientation: Option<DQuat>,
+}
+
+impl SensorMoment {
+    /// What was measured, as sensors say it.
+    #[must_use]
+    pub fn sample(&self) -> SensorSample {
+        SensorSample {
+            angular_rate_rad_s: self.rate_rad_s,
+            acceleration_m_s2: self.acceleration_m_s2,
+            magnetic_field_t: self.field_t,
+            ..SensorSample::default()
+        }
+    }
 }
 
 /// Reads the sensors of a recording, finished or not.

@@ -227,10 +227,13 @@ fn moved(dof: Dof) -> Segment {
 }
 
 /// What a sensor said and when.
-type Orientations = Vec<(u64, DQuat)>;
+pub(super) type Orientations = Vec<(u64, DQuat)>;
 
 /// The sensors of the calibration with what each said.
-fn worn_sensors(series: &SensorSeries, kept: &Kept) -> Result<Vec<(Segment, Orientations)>, Error> {
+pub(super) fn worn_sensors(
+    series: &SensorSeries,
+    kept: &Kept,
+) -> Result<Vec<(Segment, Orientations)>, Error> {
     let mut sensors = Vec::new();
     for (name, mount) in kept.sensors.iter().zip(&kept.calibration.mounts) {
         let moments = series.sensors.get(name).ok_or_else(|| {
@@ -247,7 +250,7 @@ fn worn_sensors(series: &SensorSeries, kept: &Kept) -> Result<Vec<(Segment, Orie
 }
 
 /// When all of them speak: from the last that began to the last sample of any.
-fn common_span(sensors: &[(Segment, Orientations)]) -> Result<(u64, u64), Error> {
+pub(super) fn common_span(sensors: &[(Segment, Orientations)]) -> Result<(u64, u64), Error> {
     let silent = || {
         Error::new("at no time did all sensors give an orientation")
             .remedy("look with `gaitway info` whether all of them were recorded")
@@ -262,18 +265,18 @@ fn common_span(sensors: &[(Segment, Orientations)]) -> Result<(u64, u64), Error>
 }
 
 /// What a sensor says between its samples, asked in the order of time.
-struct Interpolated<'a> {
-    segment: Segment,
+pub(super) struct Interpolated<'a> {
+    pub(super) segment: Segment,
     said: &'a [(u64, DQuat)],
     next: usize,
 }
 
 impl<'a> Interpolated<'a> {
-    const fn new(segment: Segment, said: &'a [(u64, DQuat)]) -> Self {
+    pub(super) const fn new(segment: Segment, said: &'a [(u64, DQuat)]) -> Self {
         Self { segment, said, next: 0 }
     }
 
-    fn at(&mut self, at_ns: u64) -> Option<DQuat> {
+    pub(super) fn at(&mut self, at_ns: u64) -> Option<DQuat> {
         while self.said.get(self.next).is_some_and(|(time, _)| *time < at_ns) {
             self.next += 1;
         }

@@ -88,7 +88,15 @@ impl Plan {
         let actions = names
             .iter()
             .map(|name| PlannedAction { name: (*name).to_owned(), ..PlannedAction::default() });
-        Self { actions: actions.collect(), ..Self::default() }.checked()
+        Self::of_actions(actions.collect())
+    }
+
+    /// The plan of these actions; those that do not ship with gaitway are explained.
+    ///
+    /// # Errors
+    /// No action, or one that is neither known nor explained.
+    pub fn of_actions(actions: Vec<PlannedAction>) -> Result<Self, Error> {
+        Self { actions, ..Self::default() }.checked()
     }
 
     /// Fills in what shipped actions say of themselves, and refuses what is no plan.
@@ -108,8 +116,8 @@ impl Plan {
         number("rate_hz", self.rate_hz, 10.0..=1000.0)?;
         if self.actions.is_empty() || self.actions.len() > MOST_ACTIONS {
             return Err(Error::new("a plan must name the actions to record")
-                .got(self.actions.len().to_string())
-                .allowed(format!("1 to {MOST_ACTIONS} [[action]]")));
+                .got(format!("{} of them", self.actions.len()))
+                .allowed(format!("1 to {MOST_ACTIONS}")));
         }
         number("repetitions", f64::from(self.repetitions), 1.0..=1000.0)?;
         for at in 0..self.actions.len() {
@@ -132,10 +140,16 @@ impl Plan {
 }
 
 impl PlannedAction {
-    fn complete(&mut self) -> Result<(), Error> {
+    /// Whether an action can be called so.
+    #[must_use]
+    pub fn is_name(name: &str) -> bool {
         let fits = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+        (1..=64).contains(&name.len()) && name.bytes().all(fits) && !name.starts_with('-')
+    }
+
+    fn complete(&mut self) -> Result<(), Error> {
         let name = self.name.as_str();
-        if name.is_empty() || name.len() > 64 || !name.bytes().all(fits) || name.starts_with('-') {
+        if !Self::is_name(name) {
             return Err(Error::new("not a name of an action")
                 .got(name)
                 .allowed("1 to 64 of a-z, 0-9 and -"));

@@ -222,6 +222,13 @@ pub enum TrialFault {
         /// Which, and why, in words.
         what: String,
     },
+    /// Sensors say what a body cannot do.
+    Doubted {
+        /// Which, when and why, in words.
+        what: Vec<String>,
+        /// For so long, all of them together, s.
+        seconds: f64,
+    },
     /// A sensor says nothing at its end.
     Silent {
         /// Name of the sensor.
@@ -229,4 +236,15 @@ pub enum TrialFault {
         /// For so long, s.
         seconds: f64,
     },
+}
+
+/// Doubts of less than this do not spoil a trial, s: a knock is one of 0.8 s.
+const SLIGHT_S: f64 = 1.5;
+
+impl TrialFault {
+    /// True if the trial is as good as ever, but for a moment.
+    #[must_use]
+    pub fn is_slight(&self) -> bool {
+        matches!(self, Self::Doubted { seconds, .. } if *seconds < SLIGHT_S)
+    }
 }

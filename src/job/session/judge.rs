@@ -10,6 +10,7 @@ use crate::job::heard::SILENT_S;
 use crate::recording::{SensorMoment, SensorSeries, sensor_series};
 use crate::sensing::{Ended, wall_clock};
 use crate::session::angles::{WornMotion, body_of};
+use crate::session::doubted;
 use crate::session::files::{BODY_KEY, SCHEMA, TrialFile, TrialRecording, Verdict, trial_of};
 use crate::session::tap::taps;
 use std::collections::BTreeMap;
@@ -41,7 +42,10 @@ pub(super) fn judge(job: &Job, name: &str) -> Result<(), Ended> {
     let recorded = recorded(name, &series, first.start_ns());
     operator.hear(Happening::Recorded(&recorded));
     let marked = first.markers.iter().filter(|marker| marker.text == GOOD).count();
-    let usual = if recorded.faults.is_empty() { Verdict::Keep } else { Verdict::Retake };
+    let usual = match recorded.faults.iter().all(TrialFault::is_slight) {
+        true => Verdict::Keep,
+        false => Verdict::Retake,
+    };
     // Where nothing was heard there is nothing to keep.
     let is_empty = series.iter().all(|part| part.sensors.values().all(Vec::is_empty));
     let is_known = recordings.iter().all(|recording| !recording.subject.is_empty());
@@ -97,7 +101,7 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
             faults.push(TrialFault::Missing { samples: part.missed });
         }
         faults.extend(silent(part));
-        faults.extend(swapped(part));
+        faults.extend(of_worn(part));
     }
     let part = |part: &SensorSeries| TrialPart {
         duration_s: part.duration_s(),
@@ -117,16 +121,26 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
 /// How often a second it is looked how arms and legs move.
 const LOOKED_AT_HZ: f64 = 50.0;
 
-/// Sensors that are on one another's segments, if somebody walks in a recording.
-fn swapped(part: &SensorSeries) -> Vec<TrialFault> {
+/// Sensors that are on one another's segments, if somebody walks in a recording, and what others say that cannot be.
+fn of_worn(part: &SensorSeries) -> Vec<TrialFault> {
     let metadata = part.start.as_ref().map(|start| &start.metadata);
     let kept = metadata.and_then(|metadata| Kept::parse(metadata.get(BODY_KEY)?).ok());
     let body = metadata.and_then(|metadata| body_of(metadata).ok());
     let (Some(kept), Some(body)) = (kept, body) else { return Vec::new() };
     // What cannot be made angles of is told by whoever makes them.
-    let Ok(motion) = WornMotion::of(part, &kept, body, LOOKED_AT_HZ) else { return Vec::new() };
+    let (Ok(motion), Ok(doubted)) =
+        (WornMotion::of(part, &kept, body, LOOKED_AT_HZ), doubted::doubted(part, &kept))
+    else {
+        return Vec::new();
+    };
     let found = swaps_in_walk(&motion.poses, &motion.measured, LOOKED_AT_HZ);
-    found.into_iter().map(|what| TrialFault::Swapped { what }).collect()
+    let mut faults: Vec<TrialFault> =
+        found.into_iter().map(|what| TrialFault::Swapped { what }).collect();
+    if !doubted.is_empty() {
+        let seconds = doubted.iter().map(|of| of.to_s - of.from_s).sum();
+        faults.push(TrialFault::Doubted { what: doubted::words(&doubted), seconds });
+    }
+    faults
 }
 
 /// Sensors that were worn and say nothing in a recording, or at its end.

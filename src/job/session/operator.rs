@@ -76,6 +76,11 @@ pub enum Words<'a> {
     Place,
     /// Anything else about it.
     Remarks,
+    /// What is done in an action that the vocabulary does not have; empty: its name was mistyped.
+    Explanation {
+        /// Its name.
+        action: &'a str,
+    },
     /// Id of the subject, needed: 1 to 32 small letters, digits and `-`.
     FirstSubject,
     /// Id of the second subject, needed: another one.
@@ -278,8 +283,8 @@ pub trait Operator: Sync {
     /// A stop.
     fn words(&self, what: Words<'_>) -> Answered<String>;
 
-    /// Says which actions are recorded, by their names in the vocabulary. Others are asked for once
-    /// more.
+    /// Says which actions are recorded, by their names in the vocabulary. Of others it is asked what is done in them
+    /// ([`Words::Explanation`]).
     ///
     /// # Errors
     /// A stop.

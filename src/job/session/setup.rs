@@ -5,13 +5,14 @@ use super::happening::Happening;
 use super::operator::{
     Answered, Ask, Asked, Doubt, MeasureAnswer, Operator, Words, ask_all, ask_until,
 };
+use crate::action::vocabulary;
 use crate::body::anthropometry::{Measure, Subject, check_id};
 use crate::body::worn::strap::StrapDirection;
 use crate::error::Error;
 use crate::sensing::{Ended, wall_clock};
 use crate::session::files::SCHEMA;
 use crate::session::wearers::wearer;
-use crate::session::{Plan, SessionFile};
+use crate::session::{Plan, PlannedAction, SessionFile};
 use std::collections::BTreeMap;
 
 /// What the session itself is called where it is asked what is to be changed.
@@ -59,10 +60,7 @@ pub(super) fn session(job: &Job, given: Given) -> Result<(), Ended> {
             if is_planned {
                 return Ok(Asked::Left);
             }
-            let named = |names: Vec<String>| {
-                Plan::of_names(&names.iter().map(String::as_str).collect::<Vec<_>>())
-            };
-            of.plan = Some(ask_until(operator, || operator.actions(), named)?);
+            of.plan = Some(plan(operator)?);
             Ok(Asked::Answered)
         }),
         Box::new(|of| {
@@ -101,6 +99,25 @@ pub(super) fn session(job: &Job, given: Given) -> Result<(), Ended> {
     };
     job.folder.write_new("session.toml", &session)?;
     Ok(())
+}
+
+/// What is recorded; what is done in an action of one's own is asked for.
+fn plan(operator: &dyn Operator) -> Answered<Plan> {
+    loop {
+        let mut actions = Vec::new();
+        for name in operator.actions()? {
+            let is_own = PlannedAction::is_name(&name) && vocabulary::find(&name).is_err();
+            let explain = match is_own {
+                true => operator.words(Words::Explanation { action: &name })?,
+                false => String::new(),
+            };
+            actions.push(PlannedAction { name, explain, ..PlannedAction::default() });
+        }
+        match Plan::of_actions(actions) {
+            Ok(plan) => return Ok(plan),
+            Err(error) => operator.hear(Happening::Refused(&error)),
+        }
+    }
 }
 
 fn subject_id(operator: &dyn Operator, who: Words<'_>, others: &[String]) -> Answered<String> {

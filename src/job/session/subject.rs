@@ -59,7 +59,11 @@ fn settle(job: &mut Job, id: &str, guided: &Guided) -> Result<Verdict, Ended> {
         None => notes.push("not verified: no T pose was seen, or no arm wears a sensor".into()),
     }
     let is_good = worst_rad.is_none_or(|rad| rad <= T_POSE_FAIL_RAD);
-    let usual = if is_good { Verdict::Keep } else { Verdict::Retake };
+    // Whose sensors seem to be swapped is calibrated anew, unless the operator insists.
+    let usual = match is_good && guided.doubts.is_empty() {
+        true => Verdict::Keep,
+        false => Verdict::Retake,
+    };
     let verdict = match is_good && notes.is_empty() {
         true => Verdict::Keep,
         false => operator.judge(Judged::Calibration { notes: &notes }, usual)?,

@@ -93,6 +93,11 @@ impl Asking {
             Words::Leader => "operator (who leads it)".to_owned(),
             Words::Place => "place".to_owned(),
             Words::Remarks => "remarks".to_owned(),
+            Words::Explanation { action } => {
+                format!(
+                    "{action} is not in the vocabulary. What is done, in a sentence? [Enter: it was mistyped]"
+                )
+            }
             Words::FirstSubject => id("subject"),
             Words::SecondSubject => id("second subject"),
             Words::Gender => "gender, in the subject's words".to_owned(),
@@ -115,7 +120,12 @@ impl Asking {
     #[must_use]
     pub fn actions() -> Self {
         let names = vocabulary::names().collect::<Vec<_>>().join(" ");
-        Self::of(format!("actions to be recorded, with spaces between\n  [{names}]"), &[])
+        Self::of(
+            format!(
+                "actions to be recorded, with spaces between; of one of your own it is asked what is done\n  [{names}]"
+            ),
+            &[],
+        )
     }
 
     /// A measure.
@@ -377,6 +387,7 @@ fn of_fault(fault: &TrialFault) -> String {
             are = either(samples, "is", "are")
         ),
         TrialFault::Swapped { what } => what.clone(),
+        TrialFault::Doubted { what, .. } => what.join("; "),
         TrialFault::Unheard { sensor } => format!("{sensor} said nothing in it"),
         TrialFault::Silent { sensor, seconds } => {
             format!("{sensor} is silent for the last {seconds:.1} s")

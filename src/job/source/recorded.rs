@@ -12,6 +12,7 @@ use crate::recording::{self, Recording, SensorSeries};
 use crate::retarget::base::{self, ComingBase, Held, StandingSole};
 use crate::robot::{Robot, RobotBody};
 use crate::session::angles::{WornMotion, body_of};
+use crate::session::doubted;
 use crate::session::files::BODY_KEY;
 use glam::{DQuat, DVec3};
 use std::path::Path;
@@ -35,7 +36,11 @@ const STATURE_M: f64 = 1.75;
 pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     let place = path.display().to_string();
     let (format, capture) = match worn(path, RATE_HZ)? {
-        Some((motion, ..)) => ("worn", wearer(motion)),
+        Some((motion, series, kept)) => {
+            let mut capture = wearer(motion);
+            capture.notes.extend(doubted::words(&doubted::doubted(&series, &kept)?));
+            ("worn", capture)
+        }
         None => ("servos", of_robot(&recording::read(path)?).map_err(|error| error.at(place))?),
     };
     let (rate_hz, frames) = (capture.rate_hz, capture.poses.len());

@@ -123,7 +123,8 @@ impl Console {
         }
         let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         match lines.recv_timeout(time) {
-            Ok(line) => Ok(Some(line.trim().to_owned())),
+            // Arrow keys and the like are no words.
+            Ok(line) => Ok(Some(line.replace(char::is_control, "").trim().to_owned())),
             Err(RecvTimeoutError::Timeout) => Ok(None),
             Err(RecvTimeoutError::Disconnected) => Err(Instead::Stop),
         }
