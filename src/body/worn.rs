@@ -13,6 +13,7 @@
 //! at rest on the segment that carries them, and are said not to be worn.
 
 pub mod calibrate;
+pub mod calm;
 pub mod check;
 mod constraint;
 pub mod doubt;

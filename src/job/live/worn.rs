@@ -9,6 +9,7 @@ use super::when::{self, Answer, Answers, AnswersReport, Call, CheckedAnswer, Ove
 use super::{Job, Ready};
 use crate::body::Segment;
 use crate::body::worn::calibrate::words;
+use crate::body::worn::calm::Calm;
 use crate::body::worn::doubt::Doubts;
 use crate::body::worn::kept::Kept;
 use crate::body::worn::limb::{LimbChange, WornLimb, WornLimbs};
@@ -646,6 +647,7 @@ struct Body<'a> {
     stale_s: [f64; 13],
     heading_lost: [u64; 13],
     resets: u64,
+    calm: Calm,
     doubts: Doubts,
     walk: SwapWatch,
     /// Sensors that seem to be swapped, as a walk showed.
@@ -684,6 +686,7 @@ impl<'a> Body<'a> {
             stale_s: [0.0; 13],
             heading_lost: [0; 13],
             resets: 0,
+            calm: Calm::default(),
             doubts: Doubts::default(),
             walk: SwapWatch::default(),
             swapped: Vec::new(),
@@ -760,7 +763,14 @@ impl<'a> Body<'a> {
                 words(segment)
             ));
         }
-        let mends = self.person.wants_a_reset();
+        let asked = self.person.wants_a_reset();
+        let mends = asked && self.calm.moving().is_none();
+        if let Some(segment) = self.calm.moving().filter(|_| asked) {
+            self.tell(format!(
+                "headings are not mended: the {} moves; stand still in N pose, then r and Enter",
+                words(segment)
+            ));
+        }
         if mends {
             self.wearing.reset_heading();
             self.doubts.mended();
@@ -800,6 +810,7 @@ impl<'a> Body<'a> {
         let as_said = self.wearing.as_said();
         self.doubts.look(&as_said, &judged);
         let measured = Segment::ALL.map(|of| moment.fresh[of.index()] && !self.rests(of));
+        self.calm.take(&as_said, &measured, dt_s);
         for swapped in self.walk.take(&as_said, &measured, dt_s) {
             self.tell(swapped.clone());
             self.swapped.push(swapped);
