@@ -211,7 +211,8 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
         assert!(said.contains(other.split('=').next().unwrap_or(other)), "{said}");
     }
     // The same plan is no other one.
-    let same = "[[action]]\nname = \"bow\"\n[[action]]\nname = \"walk\"\n";
+    let same = "[[action]]\nname = \"bow\"\n[[action]]\nname = \"walk\"\n\
+        [[action]]\nname = \"lift-box\"\nexplain = \"Lift the box.\"\n";
     std::fs::write(folder.join("same.toml"), same).expect("a plan");
     let (code, said) = go_on("--plan=same.toml");
     assert!(code == Some(4) && said.contains("going on where it was"), "{said}");

@@ -120,6 +120,11 @@ pub fn doubted(series: &SensorSeries, kept: &Kept) -> Result<Vec<Doubted>, Error
             doubts.weigh(heard.segment, force, dt_s);
         }
         for change in doubts.judge(dt_s) {
+            // As while somebody is followed: of what waits no joint's heading is learnt.
+            match change.doubted {
+                Some(_) => wearing.hold(change.segment),
+                None => wearing.release(change.segment, change.heading_lost),
+            }
             let since = &mut since_s[change.segment.index()];
             match (change.doubted, *since) {
                 (Some(why), _) => *since = Some((why, now_s)),

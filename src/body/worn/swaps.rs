@@ -148,10 +148,13 @@ impl Stretch<'_> {
         Some(bend_wrongly && crossed(&thighs, &shanks) > CROSSED)
     }
 
-    /// Feet seem to turn with the other shank.
+    /// Feet seem to turn with the other shank. `None` also where that may be because of the shanks, but does not have to.
     fn has_feet_crossed(&self) -> Option<bool> {
-        self.swing_rad_s(THIGH)?;
-        Some(crossed(&self.both_rad_s(SHANK)?, &self.both_rad_s(FOOT)?) > CROSSED)
+        let (thighs, shanks) = (self.swing_rad_s(THIGH)?, self.both_rad_s(SHANK)?);
+        let is_crossed = crossed(&shanks, &self.both_rad_s(FOOT)?) > CROSSED;
+        let is_told =
+            self.has_shanks_crossed()? || crossed(&thighs, &shanks) < -CROSSED || !is_crossed;
+        is_told.then_some(is_crossed)
     }
 
     /// Arms, told by their upper or their lower segments, swing with the leg of their own side; `None` if they do not swing.
