@@ -62,6 +62,8 @@ struct Heard<'a> {
     segment: Segment,
     moments: core::slice::Iter<'a, SensorMoment>,
     stuck: Stuck,
+    /// It said where it is turned, and was not stuck.
+    speaks: bool,
     turned: DQuat,
 }
 
@@ -74,6 +76,11 @@ impl Heard<'_> {
             let taken = Instant::from_nanos(moment.taken_ns);
             let is_stuck = self.stuck.take(&moment.sample(), taken);
             self.turned = moment.orientation.unwrap_or(self.turned);
+            let spoke = self.speaks;
+            self.speaks = moment.orientation.is_some() && !is_stuck;
+            if self.speaks && !spoke {
+                doubts.began_anew(self.segment);
+            }
             if is_stuck || moment.orientation.is_some() {
                 doubts.hear(self.segment, self.turned, taken, is_stuck);
             }
@@ -100,6 +107,7 @@ pub fn doubted(series: &SensorSeries, kept: &Kept) -> Result<Vec<Doubted>, Error
         segment: mount.segment,
         moments: series.sensors.get(name).map(Vec::as_slice).unwrap_or_default().iter(),
         stuck: Stuck::default(),
+        speaks: false,
         turned: DQuat::IDENTITY,
     };
     let mut all: Vec<Heard<'_>> = named.map(heard).collect();
