@@ -570,6 +570,31 @@ fn sensors_that_were_swapped_are_doubted_and_others_are_not() {
     }
 }
 
+/// Who waves instead of bowing has not bowed; whose sensors are swapped has begun with the neighbour of what was to turn.
+#[test]
+fn a_movement_begins_with_what_it_turns_or_far_with_its_neighbour_and_with_nothing_else() {
+    use Movement as M;
+    use Segment as S;
+    for (movement, segment, turned_rad, has_begun) in [
+        (M::Bow, S::Torso, 0.4, true),
+        (M::Bow, S::Torso, 0.3, false),
+        (M::Bow, S::RightUpperArm, 1.5, false),
+        (M::Bend, S::LeftForearm, 0.4, true),
+        (M::Bend, S::LeftUpperArm, 0.6, false),
+        (M::Bend, S::LeftUpperArm, 0.9, true),
+        (M::Bend, S::Torso, 1.5, false),
+        (M::SitToStand, S::RightThigh, 0.4, true),
+        (M::SitToStand, S::RightShank, 0.6, false),
+        (M::SitToStand, S::RightShank, 0.9, true),
+        (M::SitToStand, S::RightForearm, 1.5, false),
+        (M::RaiseArms, S::LeftUpperArm, 0.4, true),
+        (M::RaiseArms, S::LeftThigh, 1.5, false),
+    ] {
+        let begun = check::has_begun(movement, segment, turned_rad);
+        assert_eq!(begun, has_begun, "{movement:?} {segment:?} {turned_rad}");
+    }
+}
+
 #[test]
 fn a_sensor_that_began_anew_is_taken_up_where_its_segment_faced() {
     let mut person = Person::new(&Segment::ALL, NONE, 29);

@@ -7,7 +7,9 @@ use super::{Place, Wear};
 use crate::body::Segment;
 use crate::body::segment_name;
 use crate::body::worn::calibrate::{calibrate, words};
-use crate::body::worn::check::{PAIRS, T_POSE_FAIL_RAD, doubts, off_t_pose, restless, turned_rad};
+use crate::body::worn::check::{
+    PAIRS, T_POSE_FAIL_RAD, doubts, has_begun, off_t_pose, restless, turned_rad,
+};
 use crate::body::worn::kept::{Kept, VALID_S};
 use crate::body::worn::{Calibration, Moved, Movement, WornSensor};
 use crate::error::Error;
@@ -33,10 +35,6 @@ const HINT: Duration = Duration::from_secs(6);
 const TRIES: usize = 10;
 /// Arms are up once each has turned so far from N pose, rad.
 const SPREAD_RAD: f64 = FRAC_PI_2 - 0.6;
-/// A movement has begun once a segment turned so far, rad.
-const BEGUN_RAD: f64 = 0.35;
-/// Whoever turns any segment so far has begun, rad.
-const SURELY_RAD: f64 = 0.8;
 /// It is over once all are so near to N pose again, rad.
 const BACK_RAD: f64 = 0.15;
 /// Slower sensors could not be followed, Hz: their poses would be too old.
@@ -392,7 +390,6 @@ impl<'a> Guide<'a> {
         movement: Movement,
         n_pose: &[Vec<DQuat>],
     ) -> Result<Option<Moved>, Ended> {
-        let turned: Vec<usize> = self.turned_by(movement).collect();
         self.person.tell(Cue::Move(movement));
         let until = self.clock.now() + WITHIN;
         self.sensors.listen();
@@ -407,9 +404,8 @@ impl<'a> Guide<'a> {
             let said = self.sensors.now();
             let off = |at: usize| turned_rad(&n_pose[at], said[at]?);
             let is_back = (0..said.len()).all(|at| off(at).is_some_and(|rad| rad < BACK_RAD));
-            // Where sensors are swapped others turn than should; it is said at the end that they are.
-            let is_away = turned.iter().any(|at| off(*at).is_some_and(|rad| rad > BEGUN_RAD))
-                || all.iter().any(|at| off(*at).is_some_and(|rad| rad > SURELY_RAD));
+            let begun = |at: usize, rad| has_begun(movement, self.worn[at].segment, rad);
+            let is_away = all.iter().any(|at| off(*at).is_some_and(|rad| begun(*at, rad)));
             if !is_back {
                 self.hint(&mut hint_at, Until::Back, &all, n_pose, |rad| !(rad < BACK_RAD));
             } else if now >= hint_at && !progress.has_begun() {

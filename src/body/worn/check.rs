@@ -20,6 +20,10 @@ const ALIKE: f64 = 0.3;
 /// angle, rad: they are each other's.
 const TURNS_LESS: f64 = 1.5;
 const TURNS_FAR_RAD: f64 = 0.7;
+/// A movement has begun once a segment that is to turn has turned so far, rad ...
+const BEGUN_RAD: f64 = 0.35;
+/// ... or its neighbour so far: where their sensors are swapped, it is the one that does.
+const SURELY_RAD: f64 = 0.8;
 /// Pairs of segments that mirror each other, left first.
 pub const PAIRS: [[Segment; 2]; 5] = [
     [Segment::LeftUpperArm, Segment::RightUpperArm],
@@ -83,6 +87,23 @@ pub fn off_t_pose(
     pairs.map(off).collect()
 }
 
+/// In a movement, the segments that are to turn more than their neighbours, and these; `None` of one in which both are to turn.
+const fn more_and_less(movement: Movement) -> Option<[[Segment; 2]; 2]> {
+    match movement {
+        Movement::SitToStand => Some([PAIRS[2], PAIRS[3]]),
+        Movement::Bend => Some([PAIRS[1], PAIRS[0]]),
+        Movement::Bow | Movement::RaiseArms => None,
+    }
+}
+
+/// True if somebody whose segment is turned so far from N pose has begun a movement.
+#[must_use]
+pub fn has_begun(movement: Movement, segment: Segment, turned_rad: f64) -> bool {
+    let turns = movement.turns().iter().any(|(of, _)| *of == segment);
+    let is_beside = more_and_less(movement).is_some_and(|[_, less]| less.contains(&segment));
+    (turns && turned_rad > BEGUN_RAD) || (is_beside && turned_rad > SURELY_RAD)
+}
+
 /// Sensors that seem to be on another segment than was said, a line each.
 ///
 /// Arms: from N to T pose the left one turns about +X and the right one about -X; a sensor that says
@@ -128,11 +149,7 @@ pub fn doubts(
             let turned = turned.filter_map(|now| turned_rad(n_pose.get(index)?, *now));
             turned.reduce(f64::max)
         };
-        let (more, less) = match moved.movement {
-            Movement::SitToStand => (PAIRS[2], PAIRS[3]),
-            Movement::Bend => (PAIRS[1], PAIRS[0]),
-            Movement::Bow | Movement::RaiseArms => continue,
-        };
+        let Some([more, less]) = more_and_less(moved.movement) else { continue };
         for (more, less) in more.into_iter().zip(less) {
             let (Some(more_rad), Some(less_rad)) = (greatest_rad(more), greatest_rad(less)) else {
                 continue;
