@@ -619,8 +619,8 @@ impl Following {
         Self { child, said, heard: String::new() }
     }
 
-    /// Waits until it says something.
-    fn until(&mut self, words: &str) {
+    /// Waits until it says something; what it said until then.
+    fn until(&mut self, words: &str) -> String {
         let began = Instant::now();
         while !self.heard.contains(words) {
             let Ok(line) = self.said.recv_timeout(PATIENCE.saturating_sub(began.elapsed())) else {
@@ -631,7 +631,7 @@ impl Following {
             };
             self.heard += &format!("{line}\n");
         }
-        self.heard.clear();
+        std::mem::take(&mut self.heard)
     }
 
     /// Its report and exit code.
@@ -803,6 +803,49 @@ fn at_a_terminal_enter_goes_on_s_skips_r_mends_headings_and_q_ends() {
     let (report, code) = live.end();
     assert_eq!((&report["outcome"], code), (&"done".into(), Some(0)), "{report}");
     assert_eq!(report["body"]["heading_resets"], 1);
+}
+
+/// Somebody stands still for nine seconds, and then waves with a forearm.
+fn waving() -> BodyMotion {
+    const RATE_HZ: f64 = 100.0;
+    let turned = |n: u32| {
+        let time_s = (f64::from(n) / RATE_HZ - 9.0).max(0.0);
+        let q = DQuat::from_rotation_y(-0.6 * (6.0 * time_s).sin());
+        [q.w, q.x, q.y, q.z]
+    };
+    let turns: Vec<[f64; 4]> = (0..12_000).map(turned).collect();
+    BodyMotion::new(RATE_HZ, &vec![[0.0; 3]; turns.len()], &turns).expect("a motion")
+}
+
+#[test]
+fn headings_are_mended_of_who_stands_still_and_not_of_who_moves() {
+    let _alone = alone();
+    let mut doors = standing(&[("right_upper_arm", 600.0)]);
+    let errors = ImuErrors { rate_noise_rad_s: 0.001, seed: 8, ..ImuErrors::default() };
+    let imu = VirtualImu::new(waving(), Mount::default(), errors, ImuWire::Csv, 100.0);
+    let door = ImuDoor::open_on(&Stage::default(), imu.expect("a sensor"), 115_200, None);
+    let door = door.expect("a door");
+    doors.push((format!("right_forearm=imu:arduino-csv@{}", door.path().display()), door));
+    let (mut keys, stdin) = terminal();
+    let mut command = gaitway(&crate::program::folder("live-waves"));
+    command.stdin(stdin);
+    let mut live = Following::start(command, &doors, "--dry-run --no-t-pose --n-pose-after 200ms");
+    live.until("deg");
+    let mut mended = 0;
+    let refused = (0..100).any(|_| {
+        std::thread::sleep(Duration::from_millis(200));
+        keys.write_all(b"r\n").expect("typed");
+        let said = live.until("headings are");
+        let is_refused =
+            said.contains("not mended: the right forearm moves; stand still in N pose");
+        mended += u64::from(!is_refused);
+        is_refused
+    });
+    assert!(refused && mended > 0, "{mended}");
+    keys.write_all(b"q\n").expect("typed");
+    let (report, code) = live.end();
+    assert_eq!((&report["outcome"], code), (&"done".into(), Some(0)), "{report}");
+    assert_eq!(report["body"]["heading_resets"], mended);
 }
 
 #[test]

@@ -2,15 +2,19 @@
 
 use crate::body::{Segment, SegmentPose};
 
-/// Whoever stands turns no segment faster, rad/s: people who stand sway by a tenth of it.
+/// Whoever stands turns no segment faster, rad/s: people who stand sway by a tenth of it ...
 const STANDS_RAD_S: f64 = 0.5;
+/// ... over so long, s: from sample to sample a coarse sensor jumps.
+const OVER_S: f64 = 0.25;
 /// For so long nothing may have moved, s.
 const CALM_S: f64 = 0.5;
 
 /// Looks at a body from moment to moment.
 #[derive(Clone, Debug, Default)]
 pub struct Calm {
-    before: Option<SegmentPose>,
+    /// What was measured of it so long ago, s.
+    before: Option<(SegmentPose, [bool; 13])>,
+    ago_s: f64,
     /// Which segment moved last, and how long ago, s.
     moved: Option<(Segment, f64)>,
 }
@@ -18,17 +22,23 @@ pub struct Calm {
 impl Calm {
     /// Takes where the sensors put the body, `dt_s` after the moment before, and which segments were measured.
     pub fn take(&mut self, pose: &SegmentPose, measured: &[bool; 13], dt_s: f64) {
-        let before = self.before.replace(pose.clone());
+        self.ago_s += dt_s;
         self.moved = self.moved.map(|(segment, ago_s)| (segment, ago_s + dt_s));
-        let Some(before) = before.filter(|_| dt_s > 0.0) else { return };
+        let Some((before, was_measured)) = self.before.take_if(|_| self.ago_s >= OVER_S) else {
+            self.before.get_or_insert_with(|| (pose.clone(), *measured));
+            return;
+        };
+        let most_rad = STANDS_RAD_S * self.ago_s;
         let moves = |segment: &Segment| {
-            let [was, is] = [&before, pose].map(|pose| pose.orientation[segment.index()]);
+            let at = segment.index();
+            let [was, is] = [&before, pose].map(|pose| pose.orientation[at]);
             let is = if was.dot(is) < 0.0 { -is } else { is };
-            measured[segment.index()] && !(was.angle_between(is) <= STANDS_RAD_S * dt_s)
+            was_measured[at] && measured[at] && !(was.angle_between(is) <= most_rad)
         };
         if let Some(segment) = Segment::ALL.into_iter().find(moves) {
             self.moved = Some((segment, 0.0));
         }
+        (self.before, self.ago_s) = (Some((pose.clone(), *measured)), 0.0);
     }
 
     /// A segment that moved in the last half second; `None` of somebody who stands still.
@@ -61,11 +71,17 @@ mod tests {
     #[test]
     fn who_sways_stands_still_and_who_walks_does_not_until_half_a_second_after() {
         assert_eq!(moving(2.0, true, |t| 0.05 * (3.0 * t).sin()), None);
-        assert_eq!(moving(2.0, true, |t| 0.5 * (6.0 * t).sin()), Some(Segment::LeftShank));
+        // A sensor that tells whole degrees.
+        let coarse = |t: f64| (2.0 * (3.0 * t).sin()).round().to_radians();
+        assert_eq!(moving(2.0, true, coarse), None);
+        for lasts_s in [2.0, 2.1, 2.2, 2.3, 2.4] {
+            let walks = |t: f64| 0.5 * (6.0 * t).sin();
+            assert_eq!(moving(lasts_s, true, walks), Some(Segment::LeftShank), "{lasts_s}");
+        }
         assert_eq!(moving(2.0, false, |t| 0.5 * (6.0 * t).sin()), None);
         let until_1_s = |t: f64| t.min(1.0);
-        assert_eq!(moving(1.4, true, until_1_s), Some(Segment::LeftShank));
-        assert_eq!(moving(1.6, true, until_1_s), None);
+        assert_eq!(moving(1.3, true, until_1_s), Some(Segment::LeftShank));
+        assert_eq!(moving(1.8, true, until_1_s), None);
         assert_eq!(moving(0.01, true, |_| 1.0), None);
     }
 }
