@@ -136,7 +136,7 @@ fn angles(
     if !not_worn.is_empty() {
         notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
     }
-    notes.extend(doubted::words(&doubted::doubted(&series, kept)?));
+    notes.extend(doubted::told(&series, kept)?);
     if silent + series.missed > 0 {
         notes.push(format!(
             "{} {are} missing in the recording; sensors were silent in {silent}",

@@ -143,7 +143,7 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
             if !not_worn.is_empty() {
                 notes.push(format!("not worn, and therefore at rest: {}", not_worn.join(", ")));
             }
-            notes.extend(doubted::words(&doubted::doubted(&series, &kept).map_err(in_file)?));
+            notes.extend(doubted::told(&series, &kept).map_err(in_file)?);
             let bytes = match kind {
                 "csv" => Some(motion.csv()?),
                 "bvh" => Some(motion.bvh().into_bytes()),

@@ -45,6 +45,14 @@ impl Doubted {
     }
 }
 
+/// What is doubted of a recording, a line each.
+///
+/// # Errors
+/// As [`doubted`].
+pub fn told(series: &SensorSeries, kept: &Kept) -> Result<Vec<String>, Error> {
+    Ok(words(&doubted(series, kept)?))
+}
+
 /// The same of many, a line each, and the rest counted.
 #[must_use]
 pub fn words(doubted: &[Doubted]) -> Vec<String> {
@@ -68,11 +76,16 @@ struct Heard<'a> {
 }
 
 impl Heard<'_> {
+    /// When it speaks next.
+    fn next_ns(&self) -> Option<u64> {
+        self.moments.as_slice().first().map(|moment| moment.taken_ns)
+    }
+
     /// Hears what was said until then; tells what was measured of gravity on the mean, in the sensor's own world.
     fn until(&mut self, at_ns: u64, doubts: &mut Doubts) -> Option<DVec3> {
         let (mut sum, mut count) = (DVec3::ZERO, 0_u32);
-        while let Some(moment) = self.moments.as_slice().first().filter(|m| m.taken_ns <= at_ns) {
-            self.moments.next();
+        while self.next_ns().is_some_and(|next_ns| next_ns <= at_ns) {
+            let Some(moment) = self.moments.next() else { break };
             let taken = Instant::from_nanos(moment.taken_ns);
             let is_stuck = self.stuck.take(&moment.sample(), taken);
             self.turned = moment.orientation.unwrap_or(self.turned);
@@ -93,7 +106,8 @@ impl Heard<'_> {
     }
 }
 
-/// What is doubted of a recording of a person who was calibrated so, in the order of time.
+/// What is doubted of a recording of a person who was calibrated so, in the order of time. Where no sensor speaks nothing is looked at, so
+/// that one time that was misread costs nothing.
 ///
 /// # Errors
 /// A calibration that names sensors which are not in the recording, sensors that never spoke at the same time.
@@ -115,8 +129,8 @@ pub fn doubted(series: &SensorSeries, kept: &Kept) -> Result<Vec<Doubted>, Error
     let (mut doubts, worn) = (Doubts::default(), wearing.worn());
     let mut since_s = [None; 13];
     let mut found = Vec::new();
-    let (step_s, mut dt_s) = (LOOK_NS as f64 / 1e9, 0.0);
-    for at_ns in (first_ns..=last_ns).step_by(LOOK_NS as usize) {
+    let (mut at_ns, mut dt_s) = (first_ns, 0.0);
+    loop {
         let now_s = (at_ns - first_ns) as f64 / 1e9;
         let mut said = [None; 13];
         for reader in &mut readers {
@@ -145,7 +159,10 @@ pub fn doubted(series: &SensorSeries, kept: &Kept) -> Result<Vec<Doubted>, Error
         }
         wearing.pose(&said, dt_s);
         doubts.look(&wearing.as_said(), &worn);
-        dt_s = step_s;
+        let next_ns = all.iter().filter_map(Heard::next_ns).min();
+        let Some(next_ns) = next_ns.map(|next_ns| next_ns.max(at_ns + LOOK_NS)) else { break };
+        dt_s = (next_ns - at_ns) as f64 / 1e9;
+        at_ns = next_ns;
     }
     let to_s = (last_ns - first_ns) as f64 / 1e9;
     for (segment, since) in Segment::ALL.into_iter().zip(since_s) {

@@ -38,7 +38,7 @@ pub fn capture(path: &Path) -> Result<(Capture, Source), Error> {
     let (format, capture) = match worn(path, RATE_HZ)? {
         Some((motion, series, kept)) => {
             let mut capture = wearer(motion);
-            capture.notes.extend(doubted::words(&doubted::doubted(&series, &kept)?));
+            capture.notes.extend(doubted::told(&series, &kept)?);
             ("worn", capture)
         }
         None => ("servos", of_robot(&recording::read(path)?).map_err(|error| error.at(place))?),
