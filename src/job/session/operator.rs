@@ -117,6 +117,7 @@ impl Words<'_> {
                 | Self::Leader
                 | Self::Place
                 | Self::Remarks
+                | Self::Explanation { .. }
                 | Self::FirstSubject
                 | Self::SecondSubject
                 | Self::Gender
