@@ -128,21 +128,7 @@ pub(super) fn hold(
     bounds: &FootingBounds,
     body: &Proportions,
 ) -> Result<f64, Error> {
-    let flies = [from, to].iter().any(|gait| !gait.action.flights.is_empty());
-    let mut moved = Vec::new();
-    for line in lines.iter().filter(|line| line.dof.is_of_leg()) {
-        let crosses = crossings.iter().any(|crossing| crossing.dof == line.dof);
-        // The seam that is joined, and the one before it that is left.
-        let Some(left) = line.since.checked_sub(1).filter(|_| crosses) else { continue };
-        let first = left.saturating_sub(BESIDE).max(1);
-        let past = (line.since + BESIDE + 1).min(line.seams.len().saturating_sub(1));
-        if first < past {
-            let limits = limits(from, to, line.dof)?;
-            moved.push(Moved { dof: line.dof, seams: first..past, limits });
-        }
-    }
-    let allowed = (bounds.slides_m(), bounds.root_m_s2(flies));
-    let around = Around::of(lines, moved, allowed, body)?;
+    let around = Around::between(lines, (from, to), crossings, bounds, body)?;
     let (share, found) = around.holding()?;
     for (moved, seams) in around.moved.iter().zip(around.seams(&found)) {
         let line = &mut lines[moved.dof.index()];
@@ -198,6 +184,31 @@ pub(super) fn held(
 }
 
 impl Around {
+    /// What of two gaits may be moved for feet to hold.
+    fn between(
+        lines: &[Line],
+        (from, to): (&Gait<'_>, &Gait<'_>),
+        crossings: &[Crossing],
+        bounds: &FootingBounds,
+        body: &Proportions,
+    ) -> Result<Self, Error> {
+        let flies = [from, to].iter().any(|gait| !gait.action.flights.is_empty());
+        let mut moved = Vec::new();
+        for line in lines.iter().filter(|line| line.dof.is_of_leg()) {
+            let crosses = crossings.iter().any(|crossing| crossing.dof == line.dof);
+            // The seam that is joined, and the one before it that is left.
+            let Some(left) = line.since.checked_sub(1).filter(|_| crosses) else { continue };
+            let first = left.saturating_sub(BESIDE).max(1);
+            let past = (line.since + BESIDE + 1).min(line.seams.len().saturating_sub(1));
+            if first < past {
+                let limits = limits(from, to, line.dof)?;
+                moved.push(Moved { dof: line.dof, seams: first..past, limits });
+            }
+        }
+        let allowed = (bounds.slides_m(), bounds.root_m_s2(flies));
+        Self::of(lines, moved, allowed, body)
+    }
+
     fn of(
         lines: &[Line],
         moved: Vec<Moved>,
@@ -455,4 +466,42 @@ fn hastes(piece: &Actionlet, limits: &JointLimits) -> [f64; 2] {
     let speed = peaks.velocity_rad_s / limits.velocity_rad_s();
     let sharp = peaks.acceleration_rad_s2 / limits.acceleration_rad_s2();
     [speed, sharp].map(|part| (part - HASTE_FROM).max(0.0) / USUAL_HASTE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Choice, gaits, go_over};
+    use super::*;
+    use crate::action::vocabulary;
+
+    /// The search looks at few instants anew; here it is held against a look at all of them.
+    #[test]
+    fn what_is_known_from_a_trial_before_is_what_is_found_anew() {
+        let body = Proportions::of_stature(1.75).unwrap();
+        let actions = ["walk", "run"].map(|name| (vocabulary::find(name).unwrap(), 3));
+        let gaits = gaits(&actions).unwrap();
+        let [from, to] = &gaits[..] else { panic!("two gaits") };
+        let mut lines = Dof::ALL.map(|dof| Line::of(from, dof));
+        let choices: Vec<Choice> =
+            lines.iter().map(|line| line.choice(from, to).unwrap()).collect();
+        let nearest: Vec<usize> = choices.iter().map(Choice::nearest).collect();
+        let crossings = go_over(&mut lines, &choices, &nearest, (from, to));
+        let bounds = bounds(from, to, &body).unwrap().expect("feet hold in both");
+        let around = Around::between(&lines, (from, to), &crossings, &bounds, &body).unwrap();
+        let count = around.given.iter().map(|seams| 2 * (seams.len() - 2) + seams.len() - 1).sum();
+        let start = DVector::zeros(count);
+        let mut known = around.trial(&start, 1.0, None).unwrap().expect("seams in order");
+        let (mut at, mut moved, mut furthest) = (start, 0, 0.0_f64);
+        for column in 0..count {
+            at[column] += NUDGE;
+            let anew = around.trial(&at, 1.0, None).unwrap().expect("seams in order");
+            let told = around.trial(&at, 1.0, Some(&known.body)).unwrap().expect("the same");
+            moved += usize::from((&told.off - &known.off).amax() > 1e-3);
+            furthest = furthest.max((&told.off - &anew.off).amax());
+            known = told;
+        }
+        // Parts of what is allowed: 1e-6 is less than a nanometre. Each figure leaves its mark.
+        assert!(furthest < 1e-6, "{furthest}");
+        assert!(moved * 10 > 9 * count, "{moved} of {count}");
+    }
 }
