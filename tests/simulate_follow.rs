@@ -358,7 +358,9 @@ fn what_goes_wrong_with_a_virtual_person_by_script_is_noticed_by_the_session() {
     operator.expect("then: march");
     operator.expect("then: raise");
     operator.expect("seem to be swapped");
-    operator.answer("Keep this calibration?", "k");
+    // It is not kept unless somebody says so.
+    operator.expect("Keep this calibration?");
+    operator.answer("[Enter or r: repeat", "k");
     // Somebody kept it all the same, and thinks better of it.
     operator.expect("wave-r, s01: 0 of 1 good repetition");
     operator.answer("Explain it and show it", "");

@@ -44,7 +44,7 @@ const HARDLY_RAD: f64 = 0.17;
 /// Cosine of how far a segment may lean, either end up, that is upright: 30 degrees.
 const UPRIGHT: f64 = 0.866;
 
-/// What of one side of the body is looked at: how its segments lean, and how its elbow is bent.
+/// What of one side of the body is looked at: how its segments lean, in the order of [`PAIRS`], and how its elbow is bent.
 const SEEN: usize = 6;
 const UPPER_ARM: usize = 0;
 const FOREARM: usize = 1;
