@@ -281,6 +281,10 @@ const FORTY: [Row; 40] = [
           ("tests/live_sensors.rs",
            "a_sensor_that_falls_silent_is_said_and_the_robot_stands_until_it_is_stopped", 0),
           ("tests/worn_body.rs", "sensors_that_were_swapped_are_doubted_and_others_are_not", 0),
+          ("tests/swapped_sensors.rs", "a_walk_names_sensors_that_were_swapped_and_no_others", 0),
+          ("src/capture/stuck.rs",
+           "an_axis_that_dies_is_seen_within_a_fifth_of_a_second_and_no_coarse_or_filtered_one_is_\
+            taken_for_it", 0),
           ("src/capture/timeline/tests.rs", "a_counter_that_goes_round_is_no_gap", 0),
           ("src/capture/timeline/tests.rs",
            "gaps_repetitions_and_disorder_are_told_apart_and_counted", 0),
@@ -293,7 +297,7 @@ const FORTY: [Row; 40] = [
            "trackers_of_the_network_are_heard_only_where_the_socket_is_open_to_it", 0)],
         (NONE, "a_person_with_13_sensors_walks_and_a_virtual_op3_walks_along_now_and_from_the_\
                 recording",
-         "sensors that lie: of a wrong scale, over range")),
+         "sensors that lie: of a wrong scale")),
     row("W40", "strangers at a door (TCP, UDP, control, web)",
         &[(DOORS, "w40_a_tcp_door_serves_one_and_sends_a_thousand_others_away", 1200),
           (DOORS, "w40_the_tcp_door_of_simulate_listens_to_this_machine_alone", 0),
