@@ -51,6 +51,9 @@ pub struct UsbFacts {
     pub maker: Option<String>,
     /// Serial number; some have none, some all the same.
     pub serial: Option<String>,
+    /// Where it is plugged in, as the kernel numbers the way there from the computer: `1-2.4`.
+    #[serde(skip)]
+    pub plug: Option<String>,
 }
 
 impl UsbFacts {
@@ -356,6 +359,7 @@ fn usb_above(device: &Path) -> Option<UsbFacts> {
         product: said("product"),
         maker: said("manufacturer"),
         serial: said("serial"),
+        plug: usb.file_name().and_then(|name| name.to_str()).map(str::to_owned),
     })
 }
 
@@ -375,7 +379,13 @@ mod tests {
 
     #[test]
     fn usb_ids_are_numbers_or_nothing() {
-        let usb = |id: &str| UsbFacts { id: id.into(), product: None, maker: None, serial: None };
+        let usb = |id: &str| UsbFacts {
+            id: id.into(),
+            product: None,
+            maker: None,
+            serial: None,
+            plug: None,
+        };
         assert_eq!(usb("0403:6014").ids(), Some((0x0403, 0x6014)));
         assert_eq!(usb("0403").ids(), None);
         assert_eq!(usb("zzzz:6014").ids(), None);

@@ -15,6 +15,8 @@ pub struct SameDevice {
     machine: Machine,
     /// What it says of itself, if that tells it apart.
     usb: Option<UsbFacts>,
+    /// Where it is plugged in, if another device has the same number: then nothing else tells them apart.
+    plug: Option<String>,
 }
 
 impl SameDevice {
@@ -30,7 +32,12 @@ impl SameDevice {
             _ => None,
         };
         let usb = usb.filter(|usb| usb.serial.is_some());
-        Self { address: address.clone(), baud_bps, machine, usb }
+        let plug = usb.as_ref().filter(|usb| {
+            let ports = machine.serial_ports().into_iter();
+            ports.filter_map(|port| port.usb).filter(|of| is_same(of, usb)).count() > 1
+        });
+        let plug = plug.and_then(|usb| usb.plug.clone());
+        Self { address: address.clone(), baud_bps, machine, usb, plug }
     }
 
     /// Opens it wherever it is now.
@@ -48,7 +55,8 @@ impl SameDevice {
             return Some(self.address.clone());
         };
         let is_same = |of: &Option<UsbFacts>| {
-            of.as_ref().is_some_and(|of| of.id == usb.id && of.serial == usb.serial)
+            let is_there = |of: &UsbFacts| self.plug.is_none() || of.plug == self.plug;
+            of.as_ref().is_some_and(|of| is_same(of, usb) && is_there(of))
         };
         if self.machine.serial_port_at(path).is_some_and(|port| is_same(&port.usb)) {
             return Some(self.address.clone());
@@ -65,6 +73,11 @@ impl SameDevice {
         };
         Some(Address { bus, ..self.address.clone() })
     }
+}
+
+/// True of two that say the same number, which some makers give to all.
+fn is_same(one: &UsbFacts, other: &UsbFacts) -> bool {
+    one.id == other.id && one.serial == other.serial
 }
 
 #[cfg(test)]
@@ -89,7 +102,11 @@ mod tests {
         }
 
         fn plug(&self, tty: &str, serial: Option<&str>) {
-            let usb = self.0.join(format!("sys/devices/of-{tty}"));
+            self.plug_at(&format!("of-{tty}"), tty, serial);
+        }
+
+        fn plug_at(&self, place: &str, tty: &str, serial: Option<&str>) {
+            let usb = self.0.join("sys/devices").join(place);
             fs::create_dir_all(usb.join(tty)).expect("a folder");
             let facts =
                 [("idVendor", Some("1a86")), ("idProduct", Some("7523")), ("serial", serial)];
@@ -104,8 +121,13 @@ mod tests {
         }
 
         fn pull(&self, tty: &str) {
-            let _ = fs::remove_dir_all(self.0.join(format!("sys/class/tty/{tty}")));
-            let _ = fs::remove_dir_all(self.0.join(format!("sys/devices/of-{tty}")));
+            let class = self.0.join(format!("sys/class/tty/{tty}"));
+            if let Some(usb) =
+                fs::canonicalize(class.join("device")).ok().as_deref().and_then(Path::parent)
+            {
+                let _ = fs::remove_dir_all(usb);
+            }
+            let _ = fs::remove_dir_all(class);
             let _ = fs::remove_file(self.0.join("dev").join(tty));
         }
 
@@ -143,6 +165,24 @@ mod tests {
         tree.pull("ttyTest7");
         tree.plug("ttyTest7", Some("A1"));
         assert_eq!(place(&device), at("ttyTest7"), "one of them is where it was");
+    }
+
+    #[test]
+    fn of_two_devices_with_one_number_each_is_found_where_it_was_plugged_in() {
+        let tree = Tree::new("twins");
+        tree.plug_at("1-1", "ttyTest7", Some("0001"));
+        tree.plug_at("1-2", "ttyTest8", Some("0001"));
+        let devices = [tree.device("ttyTest7"), tree.device("ttyTest8")];
+        let at = |tty: &str| Some(format!("serial:/dev/{tty}?baud=9600"));
+        assert_eq!(devices.each_ref().map(place), [at("ttyTest7"), at("ttyTest8")]);
+        tree.pull("ttyTest7");
+        tree.pull("ttyTest8");
+        assert_eq!(devices.each_ref().map(place), [None, None]);
+        // The kernel names them as they come.
+        tree.plug_at("1-2", "ttyTest7", Some("0001"));
+        assert_eq!(devices.each_ref().map(place), [None, at("ttyTest7")]);
+        tree.plug_at("1-1", "ttyTest8", Some("0001"));
+        assert_eq!(devices.each_ref().map(place), [at("ttyTest8"), at("ttyTest7")]);
     }
 
     #[test]
