@@ -116,11 +116,11 @@ impl Stuck {
         self.last = Some((last, since));
         self.same = self.same.saturating_add(1);
         let same_s = taken.seconds_since(since);
-        // A virtual sensor without noise that lies still says just nothing.
-        let is_nothing = rate == DVec3::ZERO;
+        // A virtual sensor without noise that lies still says nothing but its weight.
+        let is_ideal = rate == DVec3::ZERO && acceleration != DVec3::ZERO;
         let is_stuck = match rate.length() > TURNS_RAD_S {
             true => self.same >= SAME && same_s >= SAME_S,
-            false => self.same >= SAME && same_s >= STILL_S && !is_nothing,
+            false => self.same >= SAME && same_s >= STILL_S && !is_ideal,
         };
         is_stuck || is_axis_stuck
     }
@@ -147,7 +147,15 @@ mod tests {
     fn who_turns_evenly_to_the_bit_has_stopped_measuring() {
         assert_eq!(seen_after_s(DVec3::new(0.0, 3.0, 0.0)), Some(0.05));
         assert_eq!(seen_after_s(DVec3::new(0.01, 0.0, 0.0)), Some(5.0));
-        assert_eq!(seen_after_s(DVec3::ZERO), None);
+        assert_eq!(seen_after_s(DVec3::ZERO), None, "as an ideal one that lies still");
+        let mut stuck = Stuck::default();
+        let dead = SensorSample {
+            acceleration_m_s2: Some(DVec3::ZERO),
+            angular_rate_rad_s: Some(DVec3::ZERO),
+            ..SensorSample::default()
+        };
+        let seen = (0..1000).find(|n| stuck.take(&dead, Instant::from_nanos(n * 10_000_000)));
+        assert_eq!(seen, Some(500), "not even its weight");
     }
 
     #[test]

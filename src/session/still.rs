@@ -71,18 +71,20 @@ pub fn judge(
         heading_drift_rad_s: heading_drift(&turns, span_s),
     };
     check.why = faults(&check, &turns);
-    if samples.len() >= LEAST_SAMPLES && stand_still(&rates) && stand_still(&forces) {
-        check.why.push("its values stand still: nothing is measured".to_owned());
+    let has_measured = has(&rates) || has(&forces);
+    if samples.len() >= LEAST_SAMPLES && has_measured && stand_still(&rates) && stand_still(&forces)
+    {
+        check.why.push(
+            "its values stand still, which noise does not allow: nothing is measured".to_owned(),
+        );
     }
     check.passed = check.why.is_empty();
     check
 }
 
-/// True if all of them are the same to the bit, which noise does not allow, and not nothing.
+/// True if all of them are the same to the bit.
 fn stand_still(vectors: &[DVec3]) -> bool {
-    vectors
-        .first()
-        .is_some_and(|first| *first != DVec3::ZERO && vectors.iter().all(|vector| vector == first))
+    vectors.windows(2).all(|pair| pair[0] == pair[1])
 }
 
 fn faults(check: &SensorCheck, turns: &[DQuat]) -> Vec<String> {
@@ -215,11 +217,20 @@ mod tests {
     fn a_sensor_whose_values_stand_still_does_not_pass() {
         let mut samples = said(|_| (DVec3::X * 0.01, UP));
         assert!(judge("torso", 100.0, &samples, 0).passed);
-        for sample in &mut samples {
-            (sample.rate_rad_s, sample.acceleration_m_s2) = (Some(DVec3::X * 0.01), Some(UP));
+        // One that was never alive says nothing, some do not even say that, and some tell no angular rate.
+        for (rate, force) in [
+            (Some(DVec3::X * 0.01), Some(UP)),
+            (Some(DVec3::ZERO), Some(UP)),
+            (Some(DVec3::ZERO), None),
+            (None, Some(UP)),
+        ] {
+            for sample in &mut samples {
+                (sample.rate_rad_s, sample.acceleration_m_s2) = (rate, force);
+            }
+            let why = judge("torso", 100.0, &samples, 0).why;
+            let said = "its values stand still, which noise does not allow: nothing is measured";
+            assert_eq!(why, [said], "{rate:?} {force:?}");
         }
-        let why = judge("torso", 100.0, &samples, 0).why;
-        assert_eq!(why, ["its values stand still: nothing is measured"]);
     }
 
     #[test]

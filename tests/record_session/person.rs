@@ -174,9 +174,12 @@ impl Line {
         let rate = turned * (step.to_scaled_axis() / (2.0 * STEP_S));
         let acceleration = (after.1 - 2.0 * now.1 + before.1) / (STEP_S * STEP_S);
         let up = DVec3::Z * (GRAVITY_M_S2 + doing.blow_m_s2(time_s));
+        // As sensors have it; in 17 samples all of it comes once, and its mean is nothing.
+        let noise = |axis: u64| ((number * 5 + axis * 3) % 17) as f64 / 8.0 - 1.0;
+        let noise = DVec3::new(noise(0), noise(1), noise(2));
         Measured {
-            rate_rad_s: rate.to_array(),
-            specific_force_m_s2: (turned * (acceleration + up)).to_array(),
+            rate_rad_s: (rate + 0.002 * noise).to_array(),
+            specific_force_m_s2: (turned * (acceleration + up) + 0.02 * noise).to_array(),
             linear_acceleration_m_s2: (turned * acceleration).to_array(),
             field_t: [0.0; 3],
             orientation: [1.0, 0.0, 0.0, 0.0],
