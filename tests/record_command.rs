@@ -118,6 +118,67 @@ fn two_sensors_of_different_make_are_recorded_side_by_side() {
 }
 
 #[test]
+fn a_file_that_says_what_is_worn_names_the_sensors_and_is_kept_for_whoever_converts_the_recording()
+{
+    let folder = crate::program::folder("record-worn");
+    let errors = ImuErrors { rate_noise_rad_s: 0.001, ..ImuErrors::default() };
+    let still = |seed| {
+        let motion = BodyMotion::still(60.0).expect("a motion");
+        let errors = ImuErrors { seed, ..errors.clone() };
+        let imu = VirtualImu::new(motion, Mount::default(), errors, ImuWire::Csv, 100.0);
+        ImuDoor::open(imu.expect("a sensor"), 115_200, None).expect("a terminal")
+    };
+    let (pelvis, thigh) = (still(1), still(2));
+    let worn = format!(
+        "[segments]\npelvis = \"imu:arduino-csv@{}\"\nleft_thigh = {{ sensor = \"strap\", forward = \"y\" }}\n",
+        pelvis.path().display()
+    );
+    std::fs::write(folder.join("worn.toml"), worn).expect("a file");
+    let strap = format!("strap=imu:arduino-csv@{}", thigh.path().display());
+    let order = |others: &[&str]| -> Vec<String> {
+        let words = ["--wear", "worn.toml", "--for", "3s"];
+        words.iter().chain(others).map(|word| (*word).to_owned()).collect()
+    };
+    let refused = record(&folder, &order(&[]));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("no source brings a sensor that is worn"), "{said}");
+    assert!(said.contains("left_thigh") && said.contains("strap"), "{said}");
+    assert!(!folder.join("take.mcap").exists());
+
+    let output = record(&folder, &order(&[&strap]));
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let names: Vec<Value> = json(&output)["sources"]
+        .as_array()
+        .expect("two")
+        .iter()
+        .map(|of| of["name"].clone())
+        .collect();
+    assert_eq!(names, ["strap", "pelvis"]);
+    let convert = |arguments: &[&str]| {
+        crate::program::gaitway()
+            .current_dir(&folder)
+            .args(["convert", "take.mcap"])
+            .args(arguments)
+            .output()
+            .expect("the command")
+    };
+    // Who stood in N pose, and when, is all that is still to be said.
+    let output = convert(&["angles.csv", "--n-pose", "1,2"]);
+    // One may have begun a sample before the other.
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    let text = std::fs::read_to_string(folder.join("angles.csv")).expect("angles");
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let titles = lines.next().expect("titles");
+    let hip = titles.iter().position(|title| title.contains("left_hip_flexion"));
+    let hip = hip.unwrap_or_else(|| panic!("{titles:?}"));
+    let angles: Vec<f64> = lines.map(|row| row[hip].parse().expect("a number")).collect();
+    assert!(angles.len() > 200 && angles.iter().all(|rad| rad.abs() < 0.02), "{angles:?}");
+    // Without it the samples are what there is.
+    assert_eq!(convert(&["samples.csv"]).status.code(), Some(0));
+}
+
+#[test]
 fn samples_that_are_lost_are_counted_and_told_by_the_exit_code() {
     let folder = crate::program::folder("record-loss");
     let errors = ImuErrors { loss: 0.1, seed: 5, ..ImuErrors::default() };
@@ -410,12 +471,10 @@ fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
     );
     assert!(!folder.join("take.mcap").exists());
     // What only a session heeds is not ignored without one.
-    for option in ["--plan=plan.toml", "--wear=head=tracker-000001-0"] {
-        let output = record(&folder, &["lines@/dev/null".to_owned(), option.to_owned()]);
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.code() == Some(2) && text.contains("cannot be used with"), "{text}");
-        assert!(!folder.join("take.mcap").exists(), "{option}");
-    }
+    let output = record(&folder, &["lines@/dev/null", "--plan=plan.toml"].map(str::to_owned));
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && text.contains("cannot be used with"), "{text}");
+    assert!(!folder.join("take.mcap").exists());
 }
 
 /// Where the disk is full, the new file goes elsewhere; it is never the old one, nor replaces another unasked.

@@ -90,6 +90,7 @@ fn a_mark_that_was_set_before_the_recording_began_is_one_of_its_beginning() {
     let order = RecordOrder {
         sources: vec![format!("lines@tcp:{address}").parse().expect("a source")],
         file: file.clone(),
+        worn: Vec::new(),
         replace: false,
         time: Some(Duration::from_secs_f64(0.3)),
         name: String::new(),

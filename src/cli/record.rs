@@ -17,7 +17,7 @@ use crate::job::report::counted;
 use crate::job::source::CaptureOptions;
 use crate::job::source_words;
 use crate::recording::SampleEncoding;
-use crate::sensing::{Source, What};
+use crate::sensing::{Source, Wear, What};
 use crate::time::{Duration, duration};
 use clap::Args;
 use std::fmt::Write;
@@ -28,7 +28,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = include_str!("help/record.txt"))]
 pub struct RecordArgs {
     /// What to record
-    #[arg(required_unless_present = "session", value_name = "SOURCE")]
+    #[arg(required_unless_present_any = ["session", "wear"], value_name = "SOURCE")]
     sources: Vec<Source>,
     /// The recording
     #[arg(short, long, value_name = "FILE.mcap", required_unless_present = "session")]
@@ -36,9 +36,9 @@ pub struct RecordArgs {
     /// Lead through a recording session in this folder, or resume one
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
     session: Option<PathBuf>,
-    /// In a session, which segment wears which SlimeVR tracker (left_thigh=tracker-00aa01-0), or a file that says what is
-    /// worn, as for `live`
-    #[arg(long, value_name = "SEGMENT=TRACKER|FILE.toml", conflicts_with = "out")]
+    /// Which segment wears which sensor or tracker (left_thigh=tracker-00aa01-0), or a file that says what is worn, as for
+    /// `live`; its sources are recorded, and how they are worn is kept in the recording
+    #[arg(long, value_name = "SEGMENT=SENSOR|FILE.toml")]
     wear: Vec<String>,
     /// What the session should record (see docs/capture.md); without it, you are asked
     #[arg(long, value_name = "FILE.toml", conflicts_with = "out")]
@@ -84,8 +84,10 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let file = args.out.clone().ok_or_else(|| Error::new("no file to record to"))?;
     args.output.check_files(&[&args.out, &args.html])?;
+    let wear = Wear::of(Vec::new(), &args.wear)?;
     let order = RecordOrder {
-        sources: args.sources.clone(),
+        sources: args.sources.iter().chain(&wear.sources).cloned().collect(),
+        worn: wear.places,
         file,
         replace: args.output.force(),
         time: args.time,

@@ -5,13 +5,15 @@ use super::observer::RecordingNow;
 use super::report::counted;
 use super::taught::Servos;
 use super::{Event, Observer};
+use crate::body::segment_name;
 use crate::error::Error;
 use crate::port::{Clock, MonotonicClock};
 use crate::recording::{
     Marker, RecordedSource, Recorder, RunEnd, RunStart, SampleEncoding, SourceId, SourceKind,
     SourceRecord,
 };
-use crate::sensing::{Intake, LOOK, SensingEvent, Source, SourceReport, What};
+use crate::sensing::{Intake, LOOK, Place, SensingEvent, Source, SourceReport, Wear, What};
+use crate::session::files::WORN_KEY;
 use crate::time::{Duration, Instant};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -26,6 +28,8 @@ pub use crate::capture::Mode;
 pub struct RecordOrder {
     /// What to record.
     pub sources: Vec<Source>,
+    /// Which of the sensors somebody wears, and where; kept in the recording.
+    pub worn: Vec<Place>,
     /// The recording.
     pub file: PathBuf,
     /// It may replace one that is there.
@@ -96,6 +100,22 @@ fn check_names(sources: &[Source]) -> Result<(), Error> {
     Ok(())
 }
 
+/// The worn sensors that no source is named like: trackers and bodies, which name themselves.
+fn trackers(order: &RecordOrder) -> Result<Vec<String>, Error> {
+    let is_source = |place: &&Place| {
+        order.sources.iter().any(|source| source.name.as_ref() == Some(&place.sensor))
+    };
+    let mut others = order.worn.iter().filter(|place| !is_source(place)).peekable();
+    let name_themselves = |source: &Source| matches!(source.what, What::Trackers { .. });
+    if let Some(place) = others.peek().filter(|_| !order.sources.iter().any(name_themselves)) {
+        return Err(Error::new("no source brings a sensor that is worn")
+            .at(segment_name(place.segment))
+            .got(place.sensor.clone())
+            .allowed("the name of a source (NAME=imu:PROFILE@BUS), or of a tracker that imu:slimevr@udp:0.0.0.0:6969 hears"));
+    }
+    Ok(others.map(|place| place.sensor.clone()).collect())
+}
+
 /// Records until the time is over, the observer wants to stop, all sources are gone or the disk fails. `marks` that come
 /// meanwhile are recorded with their own times, those that came before with that of the beginning.
 ///
@@ -107,6 +127,7 @@ pub fn record(
     observer: &dyn Observer,
 ) -> Result<RecordReport, Error> {
     check_names(&order.sources)?;
+    let trackers = trackers(order)?;
     let mut opened = Vec::new();
     let mut joints = None;
     for source in &order.sources {
@@ -117,11 +138,11 @@ pub fn record(
                     return Err(Error::new("one robot at a time").at(source.text.clone()));
                 }
             }
-            _ => opened.push(source.open(&[])?),
+            _ => opened.push(source.open(&trackers)?),
         }
     }
     let recorder =
-        Recorder::create_for_sources(&order.file, order.replace, start(order, joints.as_ref()))?;
+        Recorder::create_for_sources(&order.file, order.replace, start(order, joints.as_ref())?)?;
     recorder.write_samples_as(order.samples);
     let began = MonotonicClock.now();
     observer.hear(Event::Note(&begins(order)));
@@ -161,16 +182,20 @@ fn begins(order: &RecordOrder) -> String {
     }
 }
 
-fn start(order: &RecordOrder, joints: Option<&Servos>) -> RunStart {
-    RunStart {
+fn start(order: &RecordOrder, joints: Option<&Servos>) -> Result<RunStart, Error> {
+    let mut metadata = BTreeMap::from([("trial".to_owned(), order.name.clone())]);
+    if !order.worn.is_empty() {
+        metadata.insert(WORN_KEY.to_owned(), Wear::text_of(&order.worn)?);
+    }
+    Ok(RunStart {
         robot: joints.map_or_else(String::new, |servos| servos.robot_name().to_owned()),
         motion: order.name.clone(),
         joints: joints.map(Servos::recorded_joints).unwrap_or_default(),
         wall_clock_start: std::time::SystemTime::now(),
         monotonic_start: MonotonicClock.now(),
         gaitway_version: env!("CARGO_PKG_VERSION").to_owned(),
-        metadata: BTreeMap::from([("trial".to_owned(), order.name.clone())]),
-    }
+        metadata,
+    })
 }
 
 fn wait(

@@ -15,7 +15,7 @@ use crate::recording::{self, SensorMoment, SensorSeries};
 use crate::sensing::Wear;
 use crate::session::angles::{WornMotion, body_of};
 use crate::session::doubted;
-use crate::session::files::BODY_KEY;
+use crate::session::files::{BODY_KEY, WORN_KEY};
 use crate::session::tables::{self, DeclaredSensors};
 use crate::table::TableWriter;
 use serde::Serialize;
@@ -119,8 +119,15 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
     let in_file = |error: Error| error.in_file(&order.sensors);
     let mut declared = declaration(order.declared.as_deref())?;
     let (mut series, metadata) = read(order, &declared)?;
-    if let Some(path) = &order.wear {
-        let wear = Wear::of(Vec::new(), &[path.display().to_string()])?;
+    let wear = match &order.wear {
+        Some(path) => Some(Wear::of(Vec::new(), &[path.display().to_string()])?),
+        // What was said when it was recorded.
+        None if order.n_pose_s.is_some() && !declared.is_worn() => {
+            metadata.get(WORN_KEY).map(|text| Wear::parse(text)).transpose().map_err(in_file)?
+        }
+        None => None,
+    };
+    if let Some(wear) = wear {
         let names = wear.places.iter().map(|place| place.sensor.as_str());
         declared.wear(names.zip(wear.worn()));
     }

@@ -6,9 +6,9 @@ use crate::body::worn::WornSensor;
 use crate::body::worn::strap::StrapDirection;
 use crate::body::{segment_name, segment_named};
 use crate::error::{Error, ErrorKind};
-use crate::toml_text::from_toml;
+use crate::toml_text::{from_toml, to_toml};
 use glam::DVec3;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -33,17 +33,17 @@ pub struct Wear {
 }
 
 /// A file of `--wear`.
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct WearFile {
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     sources: Vec<String>,
     #[serde(default)]
     forward: Option<StrapDirection>,
     segments: BTreeMap<String, Entry>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 enum Entry {
     Plain(String),
@@ -80,9 +80,41 @@ impl Wear {
         self.places.iter().map(worn).collect()
     }
 
+    /// Who wears what, from the text of a file.
+    ///
+    /// # Errors
+    /// Another format; else as [`Self::of`].
+    pub fn parse(text: &str) -> Result<Self, Error> {
+        let mut all = Self::default();
+        all.take(text)?;
+        Ok(all)
+    }
+
+    /// The text of a file that says so, without where sensors are heard.
+    ///
+    /// # Errors
+    /// None that these places could have.
+    pub fn text_of(places: &[Place]) -> Result<String, Error> {
+        let entry = |place: &Place| {
+            let forward = Some(match place.forward {
+                Some(forward) => StrapDirection::Along(forward.to_array()),
+                None => StrapDirection::Words("none".to_owned()),
+            });
+            (
+                segment_name(place.segment).to_owned(),
+                Entry::Full { sensor: place.sensor.clone(), forward },
+            )
+        };
+        let segments = places.iter().map(entry).collect();
+        to_toml("", &WearFile { sources: Vec::new(), forward: None, segments })
+    }
+
     fn read(&mut self, path: &Path) -> Result<(), Error> {
-        let text = gaitway_profiles::read_text(path)?;
-        let file: WearFile = from_toml(&text).map_err(|cause| {
+        self.take(&gaitway_profiles::read_text(path)?)
+    }
+
+    fn take(&mut self, text: &str) -> Result<(), Error> {
+        let file: WearFile = from_toml(text).map_err(|cause| {
             Error::of(ErrorKind::Malformed, "the file does not say what is worn")
                 .got(cause.to_string().trim_end().to_owned())
                 .allowed(
@@ -202,6 +234,22 @@ mod tests {
             ]
         );
         assert_eq!(all.sources.len(), 4);
+    }
+
+    #[test]
+    fn what_is_worn_is_written_and_read_back_as_it_was() {
+        let forward = |forward| Some(DVec3::from_array(forward));
+        let place =
+            |segment, sensor: &str, forward| Place { segment, sensor: sensor.to_owned(), forward };
+        let places = vec![
+            place(Segment::Head, "head", forward([1.0, 0.0, 0.0])),
+            place(Segment::LeftThigh, "tracker-00aa01-0", forward([0.6, -0.8, 0.0])),
+            place(Segment::RightFoot, "an = \"odd\" name", None),
+        ];
+        let read = Wear::parse(&Wear::text_of(&places).expect("a text")).expect("the same");
+        assert_eq!(read.places.len(), 3);
+        assert!(places.iter().all(|place| read.places.contains(place)), "{read:?}");
+        assert!(read.sources.is_empty());
     }
 
     #[test]

@@ -133,6 +133,9 @@ pub struct BodyCheck {
 /// Under this key a recording's metadata holds how its sensors were worn: the text of a
 /// [`Kept`](crate::body::worn::kept::Kept) calibration.
 pub const BODY_KEY: &str = "body_calibration";
+/// Under this key it holds where its sensors were worn and which way, where nobody was calibrated: the text of a file that says what is
+/// worn ([`Wear`](crate::sensing::Wear)).
+pub const WORN_KEY: &str = "worn";
 /// Under this key it holds the stature of whoever wore them, m.
 pub const STATURE_KEY: &str = "stature_m";
 /// Under this key the length of their legs, if that was measured, m.

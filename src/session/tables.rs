@@ -154,6 +154,12 @@ impl DeclaredSensors {
         }
     }
 
+    /// True if any sensor is declared to be worn.
+    #[must_use]
+    pub fn is_worn(&self) -> bool {
+        self.sensor.iter().any(|sensor| sensor.segment.is_some())
+    }
+
     /// Somebody stands in N pose from one time to another, s, whatever was declared of that.
     pub fn stands_in_n_pose(&mut self, from_to_s: [f64; 2]) {
         self.n_pose_s = Some(from_to_s);

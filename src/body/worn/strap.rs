@@ -43,7 +43,7 @@ impl StrapDirection {
     pub fn is_measured(&self) -> bool {
         match self {
             Self::Words(words) => words.split_whitespace().nth(1).is_some(),
-            Self::Along(_) => true,
+            Self::Along(parts) => parts.iter().filter(|part| **part != 0.0).count() > 1,
         }
     }
 }
