@@ -60,10 +60,12 @@ fn set_up(operator: &mut Dialogue) {
     operator.answer("id of the subject", "session");
     operator.expect("! the session itself is called so");
     operator.answer("id of the subject", "s01");
-    // 3: the age where the gender is asked, seen one question later.
+    // 3: the age where the gender is asked.
     operator.answer("gender", "34");
-    operator.answer("age", "back");
+    operator.expect("! not a gender");
     operator.answer("gender", "f");
+    operator.answer("age", "back");
+    operator.answer("gender", "");
     // 4: words for a number.
     operator.answer("age", "seventy");
     operator.expect("! age: not a number");
@@ -181,6 +183,11 @@ fn pulled_out(operator: &mut Dialogue, person: &Person) {
     operator.expect("Record reach-up-03?");
     person.pulls(Segment::RightUpperArm, false);
     operator.expect("right_upper_arm is back after");
+    // It came while something was asked, stands on a line of its own, and what was asked is asked again.
+    operator.expect("Record reach-up-03?");
+    let said = operator.said();
+    let line = said.lines().rfind(|line| line.contains("right_upper_arm is back after"));
+    assert!(line.is_some_and(|line| !line.starts_with('>')), "{said}");
 }
 
 fn killed(operator: &mut Dialogue, person: &Person) {

@@ -262,18 +262,29 @@ fn the_page_of_a_session_says_what_the_terminal_says_at_each_state_and_stops_not
         desk.text("next"),
         "wave-r again, up to 2 good repetitionsreach-up, s01joint angles and the manifest"
     );
+    // A figure shows it, over and over, while whoever wears the sensors stands there.
+    desk.shows("remark", "The figure shows how it is done: wave-r, ");
+    let wrist =
+        "gaitway.person(gaitway.figures().now)[WRIST]".replace("WRIST", &wrist().to_string());
+    for wanted in [true, false, true] {
+        reaches(&mut desk, &wrist, wanted);
+    }
     desk.answers("");
     desk.is_told("[1/2] wave-r, s01", "Let it be practised");
+    reaches(&mut desk, &wrist, true);
     desk.answers("");
     desk.is_told("[1/2] wave-r, s01", "Record wave-r-01?");
+    assert_eq!(desk.text("remark"), "");
+    reaches(&mut desk, &wrist, false);
+    desk.browser.frames(40);
+    let height_m = desk.browser.value(&wrist)[2].as_f64().expect("a height");
+    assert!(height_m < LOW_M, "whoever stands there is drawn again: {height_m} m");
     desk.answers("");
     desk.is_told("N pose", "Enter when you stand so");
     stands(&mut desk);
     desk.is_told("RECORDING wave-r-01. Enter or space: a good repetition", "");
     desk.shows("left", "recorded for 1.");
     // Whoever wears the sensors is seen to move: an arm forward puts the wrist before the hip.
-    let wrist =
-        "gaitway.person(gaitway.figures().now)[WRIST]".replace("WRIST", &wrist().to_string());
     let before = desk.browser.value(&wrist);
     person.does(Act::Pose(forward()));
     let began = Instant::now();
@@ -354,6 +365,18 @@ fn stands(desk: &mut Desk<'_>) {
         }
     }
     panic!("four times no N pose");
+}
+
+/// A wrist is up or down, m.
+const LOW_M: f64 = 1.0;
+
+/// Waits until a wrist is drawn up, or down.
+fn reaches(desk: &mut Desk<'_>, wrist: &str, up: bool) {
+    let began = Instant::now();
+    while (desk.browser.value(wrist)[2].as_f64().expect("a height") > LOW_M) != up {
+        assert!(began.elapsed() < PATIENCE, "a wrist is never {}", if up { "up" } else { "down" });
+        desk.browser.frames(2);
+    }
 }
 
 /// N pose first, then the movement once, and N pose again.

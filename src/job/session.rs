@@ -5,6 +5,7 @@
 //! ended anywhere, by any means, and gone on with. Whoever leads it is an [`Operator`]: answers
 //! questions and hears what happens.
 
+mod demonstration;
 mod device;
 mod finish;
 mod happening;
@@ -70,6 +71,9 @@ pub enum SessionState {
 pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     // A plan out of a file was looked at; one that a program put together may say anything.
     let order = SessionOrder { plan: order.plan.map(Plan::checked).transpose()?, ..order };
+    for action in order.plan.iter().flat_map(|plan| &plan.actions) {
+        demonstration::check(action)?;
+    }
     let (order, forward) = order.with_files()?;
     order.check_sensors()?;
     let folder = Folder::open(&order.folder)?;

@@ -57,6 +57,10 @@ pub struct PlannedAction {
     /// What is held or used.
     #[serde(default)]
     pub props: String,
+    /// The motion that a figure shows while it is explained and practised: actions, or a file; empty: the action itself, if it ships
+    /// with gaitway.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub demonstration: String,
     /// True if two subjects do it together.
     #[serde(default)]
     pub together: bool,
@@ -145,6 +149,16 @@ impl PlannedAction {
     pub fn is_name(name: &str) -> bool {
         let fits = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
         (1..=64).contains(&name.len()) && name.bytes().all(fits) && !name.starts_with('-')
+    }
+
+    /// The motion that shows how it is done, if there is one.
+    #[must_use]
+    pub fn shown_by(&self) -> Option<&str> {
+        let is_shipped = || vocabulary::find(&self.name).is_ok();
+        match self.demonstration.as_str() {
+            "" => is_shipped().then_some(self.name.as_str()),
+            motion => Some(motion),
+        }
     }
 
     fn complete(&mut self) -> Result<(), Error> {

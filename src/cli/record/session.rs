@@ -61,7 +61,15 @@ pub fn run(
 }
 
 fn read_plan(path: &Path) -> Result<Plan, Error> {
-    Plan::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())
+    let mut plan = Plan::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())?;
+    // A file that a plan names may lie beside it.
+    for action in &mut plan.actions {
+        let file = path.parent().unwrap_or(Path::new("")).join(&action.demonstration);
+        if file.is_file() {
+            action.demonstration = file.display().to_string();
+        }
+    }
+    Ok(plan)
 }
 
 /// A subject of another session.

@@ -203,8 +203,8 @@ fn session_plan(report: &PlanReport) -> Result<String, Error> {
         name: of.planned.name.clone(),
         explain: of.planned.explain.clone(),
         repetitions: Some(of.planned.repetitions),
-        props: String::new(),
         together: of.planned.together,
+        ..PlannedAction::default()
     };
     let actions = report.missing.iter().map(action).collect();
     let remarks = format!(

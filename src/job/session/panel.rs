@@ -1,6 +1,7 @@
 //! An operator, and whoever looks at the page of the session besides: what is asked and said is told to both, in the same
 //! words.
 
+use super::demonstration::Demonstration;
 use super::happening::{Happening, Settled};
 use super::operator::{
     Answered, Doubt, During, Judged, MeasureAnswer, Mend, Operator, Ready, Repetitions, Unsteady,
@@ -19,12 +20,15 @@ use crate::view::live::LiveView;
 use crate::view::session::{
     HoldTime, PersonNow, SessionFrame, SessionPanel, SettledWords, TrialPlace,
 };
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// So many of the steps that come are told.
 const STEPS: usize = 3;
 /// So many subjects are drawn.
 const MOST_SUBJECTS: usize = 2;
+/// Time between two poses of a figure that shows how something is done.
+const FIGURE: Duration = Duration::from_millis(40);
 
 /// An operator whose session is shown on a page. The page answers nothing and stops nothing.
 pub struct OnPage<'a> {
@@ -40,6 +44,10 @@ struct Told {
     panel: SessionPanel,
     /// By subject, as they are now.
     persons: Vec<PersonNow>,
+    /// The motion that shows how the action is done, if there is one.
+    shown_by: Option<String>,
+    /// A figure that does it, in place of the first subject.
+    figure: Option<PersonNow>,
     /// What the guide asks for after what it asks for now.
     after: Option<String>,
     announced: Option<String>,
@@ -100,6 +108,7 @@ impl Told {
             }
             Happening::NextTrial { number, total, action, subjects, good, wanted } => {
                 self.instruct(&text);
+                self.shown_by = action.shown_by().map(str::to_owned);
                 let (action, subjects) = (action.name.clone(), subjects.join(" and "));
                 let (marked_good, marked_bad) = (0, 0);
                 if wanted > good + 1 {
@@ -191,7 +200,9 @@ impl Told {
         });
         panel.recorded_s = self.recording.map(|since| now.seconds_since(since));
         panel.next = self.after.iter().chain(&self.steps).cloned().collect();
-        SessionFrame { time_s, session: panel.clone(), persons: self.persons.clone() }
+        let others = self.persons.iter().skip(usize::from(self.figure.is_some()));
+        let persons = self.figure.iter().chain(others).cloned().collect();
+        SessionFrame { time_s, session: panel.clone(), persons }
     }
 }
 
@@ -220,6 +231,46 @@ impl<'a> OnPage<'a> {
         let answered = answer();
         self.change(|told, _| told.panel.asked.clear());
         answered
+    }
+}
+
+impl OnPage<'_> {
+    /// A figure does the action over and over until it is answered.
+    fn shown<T>(&self, answer: impl FnOnce() -> T) -> T {
+        let Some(motion) = self.told().shown_by.clone() else { return answer() };
+        let answered = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| self.show(&motion, &answered));
+            let done = answer();
+            answered.store(true, Ordering::Release);
+            done
+        })
+    }
+
+    fn show(&self, motion: &str, answered: &AtomicBool) {
+        let figure = match Demonstration::of(motion) {
+            Ok(figure) => figure,
+            Err(error) => {
+                self.change(|told, _| {
+                    told.remark(&format!("Nothing shows how it is done: {error}"))
+                });
+                return;
+            }
+        };
+        let words =
+            format!("The figure shows how it is done: {motion}, {:.1} s.", figure.lasts_s());
+        self.change(|told, _| told.remark(&words));
+        let began = MonotonicClock.now();
+        while !answered.load(Ordering::Acquire) {
+            let now = MonotonicClock.now();
+            let at = figure.at(now.seconds_since(began));
+            self.change(|told, _| told.figure = Some(at));
+            MonotonicClock.sleep_until(now + FIGURE);
+        }
+        self.change(|told, _| {
+            told.figure = None;
+            told.panel.remark.clear();
+        });
     }
 }
 
@@ -261,7 +312,11 @@ impl Operator for OnPage<'_> {
     }
 
     fn ready(&self, what: Ready<'_>) -> Answered<()> {
-        self.asked(&Asking::ready(&what), || self.operator.ready(what))
+        let answer = || self.operator.ready(what);
+        self.asked(&Asking::ready(&what), || match what {
+            Ready::Explained | Ready::Practised => self.shown(answer),
+            _ => answer(),
+        })
     }
 
     fn words(&self, what: Words<'_>) -> Answered<String> {

@@ -228,7 +228,20 @@ struct Person {
 fn measured(operator: &dyn Operator, subject: Subject, known: bool) -> Answered<Subject> {
     let mut person = Person { subject, enough: None };
     let gender: fn(&mut Person) -> &mut String = |of| &mut of.subject.gender;
-    let mut questions = vec![words(operator, Words::Gender, known, gender)];
+    let mut questions: Vec<Ask<'_, Person>> = vec![Box::new(move |of| {
+        loop {
+            let before = of.subject.gender.clone();
+            words(operator, Words::Gender, known, gender)(of)?;
+            let said = &of.subject.gender;
+            // The age, for example, or the next answer, typed too early.
+            if said.replace(',', ".").parse::<f64>().is_err() {
+                return Ok(Asked::Answered);
+            }
+            let error = Error::new("not a gender").got(said.clone()).allowed("any word");
+            of.subject.gender = before;
+            operator.hear(Happening::Refused(&error));
+        }
+    })];
     for measure in Measure::ALL {
         questions.push(Box::new(move |of: &mut Person| {
             if of.enough.is_some_and(|last| last < measure) && !measure.is_required() {

@@ -33,7 +33,7 @@ impl Operator for Console {
         }
         match happening {
             // Beside the dialogue, and not if the rest is to be quiet.
-            Happening::Sensing(_) => self.remarks.say(&text),
+            Happening::Sensing(_) => self.remark(&text),
             _ if text.is_empty() => {}
             _ => self.say(&text),
         }

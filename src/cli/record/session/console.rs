@@ -30,6 +30,8 @@ pub struct Console {
     /// True while keys count as they are pressed.
     pressed: Arc<AtomicBool>,
     keys: Mutex<Option<Keys>>,
+    /// The question that waits for its answer.
+    asked: Mutex<Option<String>>,
 }
 
 /// Hands on what is typed, line by line, or key by key while that is wanted.
@@ -82,14 +84,28 @@ impl Console {
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
         let lines = Arc::new(Mutex::new(lines));
         let person = Operator::sharing(signals.clone(), Arc::clone(&lines));
-        let keys = Mutex::default();
-        Ok(Self { lines, signals, person, remarks, pressed, keys })
+        let (keys, asked) = Default::default();
+        Ok(Self { lines, signals, person, remarks, pressed, keys, asked })
     }
 
     /// Says something. What cannot be said here, the report at the end cannot say either, and that
     /// counts.
     pub fn say(&self, text: &str) {
         let _ = print(&format!("{text}\n"));
+    }
+
+    /// Says something that has nothing to do with what is asked. At a terminal that is asked once more then: the answer would stand
+    /// behind what was said.
+    pub fn remark(&self, text: &str) {
+        let asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*asked {
+            Some(question) if !self.remarks.quiet && std::io::stdin().is_terminal() => {
+                self.say("");
+                self.remarks.say(text);
+                let _ = print(question);
+            }
+            _ => self.remarks.say(text),
+        }
     }
 
     /// From now on keys count as they are pressed, or not any more.
@@ -144,12 +160,23 @@ impl Console {
     }
 
     fn line(&self, asking: &Asking) -> Answered<String> {
-        let _ = print(&format!("{}\n> ", asking.text()));
-        loop {
-            if let Some(line) = self.line_within(LOOK)? {
-                return if line == "q" { Err(Instead::Stop) } else { Ok(line) };
+        let question = format!("{}\n> ", asking.text());
+        let put = |asked: Option<String>| {
+            let mut place = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+            let _ = print(asked.as_deref().unwrap_or_default());
+            *place = asked;
+        };
+        put(Some(question));
+        let said = loop {
+            match self.line_within(LOOK) {
+                Ok(None) => {}
+                Ok(Some(line)) if line == "q" => break Err(Instead::Stop),
+                Ok(Some(line)) => break Ok(line),
+                Err(instead) => break Err(instead),
             }
-        }
+        };
+        put(None);
+        said
     }
 
     /// Asks until the answer can be read.
