@@ -82,3 +82,49 @@ fn no_crate_contains_unsafe_code() {
     let workspace = std::fs::read_to_string(root().join("Cargo.toml")).expect("a manifest");
     assert!(workspace.contains("unsafe_code = \"forbid\""));
 }
+
+/// The tests that a document names: a file in the open, and after it names of tests in backquotes.
+fn named_tests(text: &str) -> Vec<(String, String)> {
+    let is_file = |word: &str| {
+        let rooms = ["tests/", "src/", "sim/", "firmware-profiles/"];
+        rooms.iter().any(|room| word.starts_with(room)) && word.ends_with(".rs")
+    };
+    // Lower case with underscores; shorter names in backquotes are functions and fields.
+    let is_test = |word: &str| {
+        word.matches('_').count() >= 4
+            && word.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
+    };
+    let mut named = Vec::new();
+    for cell in text.split(['\n', '|']) {
+        let mut file = None;
+        for word in cell.split([' ', '`', ',', '(', ')']).filter(|word| !word.is_empty()) {
+            if is_file(word) {
+                file = Some(word);
+            } else if let Some(file) = file.filter(|_| is_test(word)) {
+                named.push((file.to_owned(), word.to_owned()));
+            }
+        }
+    }
+    named
+}
+
+#[test]
+fn every_test_that_a_document_names_after_its_file_exists() {
+    let mut documents = Vec::new();
+    text_files(&root().join("docs"), &mut documents);
+    documents.retain(|path| path.extension().is_some_and(|end| end == "md"));
+    documents.extend(["SAFETY.md", "ARCHITECTURE.md"].map(|name| root().join(name)));
+    let (mut count, mut missing) = (0, Vec::new());
+    for path in &documents {
+        let text = std::fs::read_to_string(path).expect("a document");
+        for (file, name) in named_tests(&text) {
+            let source = std::fs::read_to_string(root().join(&file)).unwrap_or_default();
+            count += 1;
+            if !source.contains(&format!("fn {name}(")) {
+                missing.push(format!("{}: {file} has no {name}", path.display()));
+            }
+        }
+    }
+    assert_eq!(missing, [""; 0]);
+    assert!(count > 150, "{count}");
+}
