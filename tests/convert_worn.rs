@@ -519,7 +519,8 @@ fn what_a_sensor_said_that_cannot_be_is_told_of_a_recording_with_its_time() {
             },
             Why::Turn,
             0.05,
-            0.7,
+            // It is taken up again after a stride: until then its heading is not known.
+            1.43,
         ),
         (
             |since_s, said| {

@@ -20,7 +20,7 @@ use gaitway::time::Instant;
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use virtual_wearer::{Performance, VirtualWearer};
 
 const RATE_HZ: f64 = 100.0;
@@ -241,7 +241,7 @@ fn virtual_persons_in_usual_sensors_are_hardly_ever_doubted() {
     }
 }
 
-/// What is wrong with what sensors measure, from [`FAULT_S`] on.
+/// What is wrong with what sensors measure, from some time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     Stuck,
@@ -255,11 +255,13 @@ enum Fault {
     Swapped(Segment, Segment),
 }
 
-const FAULT_S: f64 = 13.0;
+/// Sensors with errors of their own, and when the fault begins: in another moment of a stride each, s.
+const TRIED: [(u64, f64); 6] =
+    [(7, 13.0), (8, 13.35), (9, 13.6), (10, 14.1), (11, 14.45), (12, 14.9)];
 
 impl Fault {
-    fn spoil(self, time_s: f64, segment: Segment, says: &mut virtual_wearer::Spoilt) {
-        let since_s = time_s - FAULT_S;
+    /// Spoils what a sensor says so long after the fault began, s.
+    fn spoil(self, since_s: f64, segment: Segment, says: &mut virtual_wearer::Spoilt) {
         let on = match self {
             Self::Knock(on) => on,
             _ => Segment::LeftThigh,
@@ -288,14 +290,20 @@ struct Followed {
     joints: Vec<Vec<f64>>,
 }
 
-fn followed(performance: &Performance, robot: &Robot, fault: Option<Fault>, how: How) -> Followed {
+fn followed(
+    performance: &Performance,
+    robot: &Robot,
+    (seed, fault_s): (u64, f64),
+    fault: Option<Fault>,
+    how: How,
+) -> Followed {
     let model = robot_model(robot).expect("an anatomy");
     let start: Vec<f64> = robot.joints.iter().map(|joint| joint.initial_rad).collect();
     let mut online = Online::new(&model, &[true; 13], &start, &Settings::default()).expect("fits");
     let mut follower = Follower::standing_at(&start, robot.limits());
     let mut setpoints = vec![Setpoint::default(); start.len()];
     let mut trend = Trend::default();
-    let mut wearer = VirtualWearer::new(performance, 7);
+    let mut wearer = VirtualWearer::new(performance, seed);
     wearer.trusts = how == How::Trusts;
     wearer.unweighed = how == How::Unweighed;
     if let Some(Fault::Swapped(one, other)) = fault {
@@ -304,7 +312,9 @@ fn followed(performance: &Performance, robot: &Robot, fault: Option<Fault>, how:
     let mut all = Followed { changes: Vec::new(), joints: Vec::new() };
     while wearer.goes_on() {
         let at_s = wearer.time_s();
-        let spoil = |t, of, says: &mut _| fault.into_iter().for_each(|one| one.spoil(t, of, says));
+        let spoil = |at_s: f64, of, says: &mut _| {
+            fault.into_iter().for_each(|one| one.spoil(at_s - fault_s, of, says));
+        };
         let Some((moment, changes)) = wearer.step(spoil) else { continue };
         all.changes.extend(changes.into_iter().map(|change| (at_s, change)));
         trend.push(at_s, online.pose(&moment.pose, 0.01));
@@ -322,11 +332,19 @@ enum How {
     Trusts,
 }
 
+/// How far joints of a robot go beyond what they do without the fault, deg.
+fn excess_deg(run: &Followed, range: &[(f64, f64)]) -> f64 {
+    let beyond = |(at, rad): (usize, &f64)| (rad - range[at].1).max(range[at].0 - rad);
+    let all = run.joints.iter().flat_map(|now| now.iter().enumerate().map(beyond));
+    all.fold(0.0, f64::max).to_degrees()
+}
+
 /// How far joints of a virtual OP3 go beyond what they do without the fault: as doubted, without what is made of gravity, and without
-/// any doubt.
+/// any doubt. Two sets of sensors and moments; with `GAITWAY_LONG` six.
 #[test]
 fn what_faults_do_to_a_robot_is_bounded_and_printed() {
     let robot = Robot::load("op3").expect("shipped");
+    let tried = if std::env::var_os("GAITWAY_LONG").is_some() { &TRIED[..] } else { &TRIED[..2] };
     use Segment as S;
     for motion in ["walk:20s", "run:20s", "bow,bow,bow,bow,bow,bow"] {
         let (capture, _) = body_motion(motion, None, &Default::default()).expect("shipped");
@@ -335,15 +353,19 @@ fn what_faults_do_to_a_robot_is_bounded_and_printed() {
             (capture.poses.len() as f64 / capture.rate_hz * virtual_wearer::POSES_HZ) as u32;
         let at = |n| capture.at(f64::from(n) / virtual_wearer::POSES_HZ);
         performance.go_on((0..count).map(at).collect(), 1.5);
-        let clean = followed(&performance, &robot, None, How::Doubts);
-        assert!(clean.changes.is_empty(), "{motion}: {:?}", clean.changes);
-        let range: Vec<(f64, f64)> = (0..clean.joints[0].len())
-            .map(|joint| {
-                let values = clean.joints.iter().map(|now| now[joint]);
-                (
-                    values.clone().fold(f64::INFINITY, f64::min),
-                    values.fold(f64::NEG_INFINITY, f64::max),
-                )
+        let ranges: Vec<Vec<(f64, f64)>> = tried
+            .iter()
+            .map(|one| {
+                let clean = followed(&performance, &robot, *one, None, How::Doubts);
+                assert!(clean.changes.is_empty(), "{motion}, {one:?}: {:?}", clean.changes);
+                let of = |joint: usize| {
+                    let values = clean.joints.iter().map(|now| now[joint]);
+                    (
+                        values.clone().fold(f64::INFINITY, f64::min),
+                        values.fold(f64::NEG_INFINITY, f64::max),
+                    )
+                };
+                (0..clean.joints[0].len()).map(of).collect()
             })
             .collect();
         for fault in [
@@ -361,43 +383,44 @@ fn what_faults_do_to_a_robot_is_bounded_and_printed() {
             Fault::Swapped(S::LeftThigh, S::LeftShank),
             Fault::Swapped(S::LeftForearm, S::RightForearm),
         ] {
-            let excess = |run: &Followed| {
-                let beyond = |(at, rad): (usize, &f64)| (rad - range[at].1).max(range[at].0 - rad);
-                let all = run.joints.iter().flat_map(|now| now.iter().enumerate().map(beyond));
-                all.fold(0.0, f64::max).to_degrees()
-            };
-            let [doubts, unweighed, trusts] = [How::Doubts, How::Unweighed, How::Trusts]
-                .map(|how| followed(&performance, &robot, Some(fault), how));
-            let first = doubts.changes.iter().find(|(_, change)| change.doubted.is_some());
-            let first = first.map(|(at_s, change)| {
-                format!(
-                    "{:?} {:?} {:.2} s",
-                    change.segment,
-                    change.doubted.unwrap(),
-                    at_s - FAULT_S
-                )
-            });
+            let mut worst_deg = [0.0_f64; 3];
+            let (mut seen, mut times) = (Vec::new(), 0);
+            for (one, range) in tried.iter().zip(&ranges) {
+                for (how, worst_deg) in
+                    [How::Doubts, How::Unweighed, How::Trusts].into_iter().zip(&mut worst_deg)
+                {
+                    let run = followed(&performance, &robot, *one, Some(fault), how);
+                    *worst_deg = worst_deg.max(excess_deg(&run, range));
+                    if how != How::Doubts {
+                        continue;
+                    }
+                    times += run.changes.len();
+                    let doubted = |(at_s, change): &(f64, DoubtChange)| {
+                        Some((at_s - one.1, change.segment, change.doubted?))
+                    };
+                    seen.extend(run.changes.iter().find_map(doubted));
+                }
+            }
+            let latest_s = seen.iter().map(|(after_s, ..)| *after_s).fold(0.0, f64::max);
+            let how: BTreeSet<_> =
+                seen.iter().map(|(_, segment, why)| format!("{segment:?} {why:?}")).collect();
+            let [doubts, unweighed, trusts] = worst_deg;
             eprintln!(
-                "{motion} {fault:?}: {:.1} deg, unweighed {:.1}, trusted {:.1}; first {}, {} changes",
-                excess(&doubts),
-                excess(&unweighed),
-                excess(&trusts),
-                first.unwrap_or_default(),
-                doubts.changes.len(),
+                "{motion} {fault:?}: {doubts:.1} deg, unweighed {unweighed:.1}, trusted {trusts:.1}; seen in {} of {}, \
+                 after {latest_s:.2} s at the latest: {how:?}; {times} changes",
+                seen.len(),
+                tried.len(),
             );
             let most_deg = match fault {
                 // Named by what a walk shows, after five seconds (tests/swapped_sensors.rs), or in T pose.
                 Fault::Swapped(..) => continue,
-                Fault::Tilts => 22.0,
+                Fault::Tilts => 27.0,
                 Fault::DeadAxis => 2.0,
                 _ => 14.0,
             };
-            assert!(excess(&doubts) < most_deg, "{motion} {fault:?}: {}", excess(&doubts));
+            assert!(doubts < most_deg, "{motion} {fault:?}: {doubts}");
             if fault == Fault::Tilts {
-                assert!(
-                    excess(&doubts) < 0.8 * excess(&unweighed),
-                    "{motion}: gravity tells nothing"
-                );
+                assert!(doubts < 0.8 * unweighed, "{motion}: gravity tells nothing");
             }
         }
     }

@@ -18,6 +18,7 @@ pub mod check;
 mod constraint;
 pub mod doubt;
 mod down;
+mod facing;
 pub mod kept;
 pub mod limb;
 pub mod strap;
@@ -25,6 +26,7 @@ pub mod swaps;
 
 use crate::body::{JointAngles, Measured, Segment, SegmentPose};
 use constraint::{Freedom, heading_error_rad};
+use facing::Facing;
 use glam::{DQuat, DVec3};
 use limb::WornLimb;
 
@@ -56,6 +58,18 @@ const JOINTS: [(Segment, Freedom); 6] = [
     (Segment::RightFoot, Freedom::Flexion),
 ];
 
+/// Segments that are upright enough for the most part to say how they face. Arms are not.
+const UPRIGHT: [Segment; 8] = [
+    Segment::Torso,
+    Segment::Head,
+    Segment::LeftThigh,
+    Segment::LeftShank,
+    Segment::LeftFoot,
+    Segment::RightThigh,
+    Segment::RightShank,
+    Segment::RightFoot,
+];
+
 /// A body that wears calibrated sensors, as it moves.
 #[derive(Clone, Debug)]
 pub struct Wearing {
@@ -75,6 +89,8 @@ pub struct Wearing {
     waiting: [Option<Waiting>; 13],
     /// Where all segments were a moment ago.
     shown: Option<[DQuat; 13]>,
+    /// How segments face on what carries them.
+    facing: [Facing; 13],
 }
 
 /// A segment that waits.
@@ -164,6 +180,7 @@ impl Wearing {
             resting: [false; 13],
             waiting: [None; 13],
             shown: None,
+            facing: Default::default(),
         }
     }
 
@@ -222,6 +239,7 @@ impl Wearing {
             }
             *waiting = waiting.filter(|waiting| waiting.back < 1.0);
         }
+        self.look_how_they_face(dt_s);
         let pose = self.segments(true);
         self.shown = Some(pose.orientation);
         let measured = match &self.before {
@@ -287,13 +305,28 @@ impl Wearing {
     }
 
     /// A segment that waited, and what it carries, go slowly to where their sensors say they are. If its sensor's heading means nothing,
-    /// it is taken to face as it waited.
+    /// it is taken to face as it usually did on what carries it, on the mean of a stride or, where that is not known, as it waited.
     pub fn release(&mut self, segment: Segment, heading_lost: bool) {
         self.doubted[segment.index()] = false;
         let Some(shown) = self.shown else { return };
         if let Some(own) = self.orientation(segment).filter(|_| heading_lost) {
             let at = segment.index();
-            self.headings[at].reset_rad += about_z_rad(shown[at] * own.inverse());
+            let owed_rad = self.facing[at].owed_rad();
+            self.headings[at].reset_rad +=
+                owed_rad.unwrap_or_else(|| about_z_rad(shown[at] * own.inverse()));
+        }
+    }
+
+    /// Looks how segments that are upright face on what carries them, as their sensors say it.
+    fn look_how_they_face(&mut self, dt_s: f64) {
+        let said = self.as_said().orientation;
+        for segment in UPRIGHT {
+            let Some(above) = segment.parent() else { continue };
+            let (at, carrier) = (segment.index(), above.index());
+            if self.mounts[at].is_some() && self.mounts[carrier].is_some() && !self.waits(above) {
+                let faces_rad = about_z_rad(said[carrier].inverse() * said[at]);
+                self.facing[at].take(faces_rad, dt_s, self.doubted[at]);
+            }
         }
     }
 

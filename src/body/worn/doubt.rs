@@ -8,7 +8,8 @@
 //! - What it measures of gravity is not down, and not what the others measure.
 //!
 //! It is taken up again when it has said nothing of that kind for half a second. After an impossible turn its heading means
-//! nothing any more, and the segment is taken to face as it did.
+//! nothing any more, and its tilt not much: it is taken up again after a stride, once what it measures of gravity is up again, and the segment
+//! is taken to face as it usually did.
 
 use super::calibrate::words;
 use super::down::Downs;
@@ -19,6 +20,9 @@ use glam::{DQuat, DVec3};
 
 /// So long nothing may be wrong before a segment is taken up again, s.
 const CLEAR_S: f64 = 0.5;
+/// After a turn that cannot be, heading and tilt are guesses until a stride has shown the one and the filter has found down anew. So long it
+/// is waited at least, and at most for what is measured to point upward again, s.
+const LEVEL_S: (f64, f64) = (1.2, 8.0);
 /// Samples that are nearer together say too little of how fast something turns, s; those further apart nothing.
 const LEAST_STEP_S: f64 = 0.008;
 const MOST_STEP_S: f64 = 0.1;
@@ -138,6 +142,17 @@ struct Of {
     doubted_s: f64,
 }
 
+impl Of {
+    /// True once nothing was wrong for long enough. `level`: its sensor is tilted as its orientation has it; `None`: nobody knows.
+    fn is_clear(&self, level: Option<bool>) -> bool {
+        match (self.heading_lost, level) {
+            (false, _) => self.clear_s >= CLEAR_S,
+            (true, None | Some(true)) => self.clear_s >= LEVEL_S.0,
+            (true, Some(false)) => self.clear_s >= LEVEL_S.1,
+        }
+    }
+}
+
 /// Looks at what all sensors of a body say.
 #[derive(Clone, Debug, Default)]
 pub struct Doubts {
@@ -249,7 +264,7 @@ impl Doubts {
         let mut changes = Vec::new();
         self.step_s = dt_s;
         self.mended_s = self.mended_s.map(|since_s| since_s + dt_s).filter(|s| *s < MENDED_S);
-        let astray = self.downs.astray();
+        let (astray, level) = (self.downs.astray(), self.downs.level());
         for segment in Segment::ALL {
             let of = &mut self.of[segment.index()];
             if astray[segment.index()] {
@@ -269,7 +284,7 @@ impl Doubts {
                 }
                 (None, Some(_)) => {
                     of.clear_s += dt_s;
-                    if of.clear_s >= CLEAR_S {
+                    if of.is_clear(level[segment.index()]) {
                         of.doubted = None;
                         let heading_lost = std::mem::take(&mut of.heading_lost);
                         changes.push(DoubtChange { segment, doubted: None, heading_lost });

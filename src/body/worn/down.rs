@@ -21,6 +21,10 @@ const MOST_OFF_M_S2: f64 = 1.5;
 const SHAKEN: f64 = 0.2;
 /// Who is astray is not any more at this share of it.
 const BACK: f64 = 0.6;
+/// A mean that is no further from straight up than this, m/s^2, is upright: four degrees.
+const LEVEL_M_S2: f64 = 0.7;
+/// And so much of what it is shaken, root mean square.
+const LEVEL_SHAKEN: f64 = 0.05;
 
 /// What one sensor measures.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,6 +65,14 @@ impl Downs {
     /// The sensor of a segment began anew.
     pub fn forget(&mut self, segment: Segment) {
         self.of[segment.index()] = Down::default();
+    }
+
+    /// By [`Segment::index`]: whether its sensor is tilted as its orientation has it; `None`: nobody knows.
+    pub fn level(&self) -> [Option<bool>; 13] {
+        self.of.map(|of| {
+            let most = LEVEL_M_S2 + LEVEL_SHAKEN * of.shaken.sqrt();
+            (of.heard_s >= FIRST_S).then(|| of.means[1].truncate().length() <= most)
+        })
     }
 
     /// By [`Segment::index`]: whose sensor measures what is neither weight nor what the others measure.

@@ -251,6 +251,38 @@ fn what_all_measure_is_how_they_are_carried_and_no_fault_and_silence_is_none() {
     assert_eq!(weighed(&mut doubts, 10.0, nan), []);
 }
 
+/// A sensor that is turned on as nobody turns is tilted as well afterwards, until the filter has found down again.
+#[test]
+fn after_a_knock_a_segment_waits_until_its_sensor_has_found_down_again_and_not_for_ever() {
+    // A tilt after a knock at 10 s, with what a filter of 3 s leaves of it; and one that stays.
+    let waits_s = |tilt_deg: f64, finds_down_s: f64| {
+        let mut doubts = Doubts::default();
+        let tilt_rad = |t: f64| tilt_deg * DEGREE * (-(t - 10.0).max(0.0) / finds_down_s).exp();
+        let turned = |t: f64| match t < 10.0 {
+            true => DQuat::IDENTITY,
+            false => DQuat::from_rotation_z(1.0) * DQuat::from_rotation_y(tilt_rad(t)),
+        };
+        let mut released_s = None;
+        for n in 0..3000_u64 {
+            let t = n as f64 / RATE_HZ;
+            let taken = Instant::from_nanos(n * 10_000_000 + 1);
+            for segment in [Segment::Pelvis, Segment::Torso, Segment::Head] {
+                let said = if segment == Segment::Torso { turned(t) } else { DQuat::IDENTITY };
+                doubts.hear(segment, said, taken, false);
+                doubts.weigh(segment, Some(said * DVec3::Z * 9.81), 1.0 / RATE_HZ);
+            }
+            let changes = doubts.judge(1.0 / RATE_HZ);
+            let released = changes.iter().any(|change| change.doubted.is_none());
+            released_s = released_s.or(released.then_some(t - 10.0));
+        }
+        released_s.expect("it is taken up again")
+    };
+    assert!((1.2..1.3).contains(&waits_s(0.0, 3.0)), "{}", waits_s(0.0, 3.0));
+    // 12 degrees are 4 after 3.3 s, and the mean of them a little later.
+    assert!((3.3..5.5).contains(&waits_s(12.0, 3.0)), "{}", waits_s(12.0, 3.0));
+    assert!((8.0..8.1).contains(&waits_s(8.0, f64::INFINITY)), "{}", waits_s(8.0, f64::INFINITY));
+}
+
 /// Two sensors are nobody to compare with: weight is.
 #[test]
 fn who_wears_two_sensors_is_weighed_alone() {
