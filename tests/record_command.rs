@@ -4,7 +4,7 @@ mod program;
 
 use gaitway_sim::imu::{BodyMotion, ImuDoor, ImuErrors, ImuWire, Mount, Stage, VirtualImu};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -148,13 +148,11 @@ fn a_file_that_says_what_is_worn_names_the_sensors_and_is_kept_for_whoever_conve
 
     let output = record(&folder, &order(&[&strap]));
     assert_eq!(output.status.code(), Some(0), "{output:?}");
-    let names: Vec<Value> = json(&output)["sources"]
-        .as_array()
-        .expect("two")
-        .iter()
-        .map(|of| of["name"].clone())
-        .collect();
-    assert_eq!(names, ["strap", "pelvis"]);
+    let report = json(&output);
+    let sources = report["sources"].as_array().expect("two").iter();
+    // Each comes when it has been opened.
+    let names: BTreeSet<&str> = sources.filter_map(|of| of["name"].as_str()).collect();
+    assert_eq!(names, BTreeSet::from(["strap", "pelvis"]));
     let convert = |arguments: &[&str]| {
         crate::program::gaitway()
             .current_dir(&folder)
@@ -165,15 +163,15 @@ fn a_file_that_says_what_is_worn_names_the_sensors_and_is_kept_for_whoever_conve
     };
     // Who stood in N pose, and when, is all that is still to be said.
     let output = convert(&["angles.csv", "--n-pose", "1,2"]);
-    // One may have begun a sample before the other.
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
+    // One samples a moment before the other, and nothing is missing.
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
     let text = std::fs::read_to_string(folder.join("angles.csv")).expect("angles");
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let titles = lines.next().expect("titles");
     let hip = titles.iter().position(|title| title.contains("left_hip_flexion"));
     let hip = hip.unwrap_or_else(|| panic!("{titles:?}"));
     let angles: Vec<f64> = lines.map(|row| row[hip].parse().expect("a number")).collect();
-    assert!(angles.len() > 200 && angles.iter().all(|rad| rad.abs() < 0.02), "{angles:?}");
+    assert!(angles.len() > 150 && angles.iter().all(|rad| rad.abs() < 0.02), "{angles:?}");
     // Without it the samples are what there is.
     assert_eq!(convert(&["samples.csv"]).status.code(), Some(0));
 }

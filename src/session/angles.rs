@@ -249,7 +249,8 @@ pub(super) fn worn_sensors(
     Ok(sensors)
 }
 
-/// When all of them speak: from the last that began to the last sample of any.
+/// When all of them speak: from the last that began to the last sample of any. Of those that speak to the end none is waited for beyond its
+/// own last sample: one samples a moment before the other.
 pub(super) fn common_span(sensors: &[(Segment, Orientations)]) -> Result<(u64, u64), Error> {
     let silent = || {
         Error::new("at no time did all sensors give an orientation")
@@ -257,7 +258,10 @@ pub(super) fn common_span(sensors: &[(Segment, Orientations)]) -> Result<(u64, u
     };
     let spoke = || sensors.iter().filter(|(_, said)| !said.is_empty());
     let first = spoke().filter_map(|(_, said)| said.first()).map(|(at, _)| *at).max();
-    let last = spoke().filter_map(|(_, said)| said.last()).map(|(at, _)| *at).max();
+    let lasts = || spoke().filter_map(|(_, said)| said.last()).map(|(at, _)| *at);
+    let end = lasts().max();
+    let to_the_end = |at: &u64| end.is_some_and(|end| (end - at) as f64 / 1e9 <= MOST_GAP_S);
+    let last = lasts().filter(to_the_end).min();
     match (first, last) {
         (Some(first), Some(last)) if first <= last => Ok((first, last)),
         _ => Err(silent()),
