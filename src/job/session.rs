@@ -21,6 +21,7 @@ mod subject;
 mod trial;
 pub mod words;
 
+pub use demonstration::find_demonstrations;
 pub use happening::{CutShort, Happening, RecordedTrial, Settled, TrialFault, TrialPart};
 pub use operator::{
     Answered, Doubt, During, Instead, Judged, Mark, MeasureAnswer, Mend, Operator, Ready,

@@ -11,7 +11,9 @@ use crate::cli::{Deed, Remarks};
 use crate::corpus::store::check_outside;
 use crate::error::Error;
 use crate::job::report::counted;
-use crate::job::session::{OnPage, Operator, SessionOrder, SessionReport, SessionState, open};
+use crate::job::session::{
+    OnPage, Operator, SessionOrder, SessionReport, SessionState, find_demonstrations, open,
+};
 use crate::session::Plan;
 use console::Console;
 use std::path::Path;
@@ -62,13 +64,7 @@ pub fn run(
 
 fn read_plan(path: &Path) -> Result<Plan, Error> {
     let mut plan = Plan::parse(&gaitway_profiles::read_text(path)?, &path.display().to_string())?;
-    // A file that a plan names may lie beside it.
-    for action in &mut plan.actions {
-        let file = path.parent().unwrap_or(Path::new("")).join(&action.demonstration);
-        if file.is_file() {
-            action.demonstration = file.display().to_string();
-        }
-    }
+    find_demonstrations(&mut plan, path.parent().unwrap_or(Path::new("")));
     Ok(plan)
 }
 

@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::job::cues;
 use crate::job::heard::row;
 use crate::job::report::counted;
-use crate::sensing::{Answer, Clock, Cue, MonotonicClock, Person};
+use crate::sensing::{Answer, Clock, Cue, MonotonicClock, Person, StopAtEnd};
 use crate::session::Verdict;
 use crate::time::{Duration, Instant};
 use crate::view::live::LiveView;
@@ -240,10 +240,9 @@ impl OnPage<'_> {
         let Some(motion) = self.told().shown_by.clone() else { return answer() };
         let answered = AtomicBool::new(false);
         std::thread::scope(|scope| {
+            let _answered = StopAtEnd(&answered);
             scope.spawn(|| self.show(&motion, &answered));
-            let done = answer();
-            answered.store(true, Ordering::Release);
-            done
+            answer()
         })
     }
 
