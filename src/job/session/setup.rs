@@ -234,10 +234,12 @@ fn measured(operator: &dyn Operator, subject: Subject, known: bool) -> Answered<
             words(operator, Words::Gender, known, gender)(of)?;
             let said = &of.subject.gender;
             // The age, for example, or the next answer, typed too early.
-            if said.replace(',', ".").parse::<f64>().is_err() {
+            if !is_number(said) {
                 return Ok(Asked::Answered);
             }
-            let error = Error::new("not a gender").got(said.clone()).allowed("any word");
+            let error = Error::new("not a gender")
+                .got(said.clone())
+                .allowed("any word, or Enter to leave it out");
             of.subject.gender = before;
             operator.hear(Happening::Refused(&error));
         }
@@ -260,6 +262,12 @@ fn measured(operator: &dyn Operator, subject: Subject, known: bool) -> Answered<
     ask_all(&mut person, &questions)?;
     drop(questions);
     Ok(person.subject)
+}
+
+/// True of a number in any script, with a decimal comma or point, or as programs write one.
+fn is_number(text: &str) -> bool {
+    let is_word = text.chars().any(char::is_alphabetic);
+    text.parse::<f64>().is_ok() || (!is_word && text.chars().any(char::is_numeric))
 }
 
 /// Asks for one measure until it is plausible, or the operator says that it is right; true if
@@ -322,4 +330,19 @@ fn answer(operator: &dyn Operator, measure: Measure, is_needed: bool) -> Answere
         MeasureAnswer::Is(value) => measure.read(&value.to_string()).map(MeasureAnswer::Is),
         left_out => Ok(left_out),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_told_from_words_in_any_script() {
+        for number in ["34", "3,4", "-5", "1e3", "\u{0663}\u{0664}", "34."] {
+            assert!(is_number(number), "{number}");
+        }
+        for word in ["", "f", "non-binary", "\u{2640}", "m34", "34 years", "-"] {
+            assert!(!is_number(word), "{word}");
+        }
+    }
 }

@@ -102,6 +102,8 @@ impl Console {
             Some(question) if !self.remarks.quiet && std::io::stdin().is_terminal() => {
                 self.say("");
                 self.remarks.say(text);
+                // What is typed and not ended yet would be unseen from here on, and yet be part of the answer.
+                let _ = tcflush(stdin(), QueueSelector::IFlush);
                 let _ = print(question);
             }
             _ => self.remarks.say(text),
