@@ -13,6 +13,7 @@
 
 use super::calibrate::words;
 use super::down::Downs;
+use super::facing::STRIDE_S;
 use crate::body::{Segment, SegmentPose};
 use crate::time::Instant;
 use crate::units::wrap_rad;
@@ -22,7 +23,7 @@ use glam::{DQuat, DVec3};
 const CLEAR_S: f64 = 0.5;
 /// After a turn that cannot be, heading and tilt are guesses until a stride has shown the one and the filter has found down anew. So long it
 /// is waited at least, and at most for what is measured to point upward again, s.
-const LEVEL_S: (f64, f64) = (1.2, 8.0);
+const LEVEL_S: (f64, f64) = (STRIDE_S + 0.05, 8.0);
 /// Samples that are nearer together say too little of how fast something turns, s; those further apart nothing.
 const LEAST_STEP_S: f64 = 0.008;
 const MOST_STEP_S: f64 = 0.1;

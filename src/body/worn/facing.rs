@@ -9,8 +9,8 @@ use std::collections::VecDeque;
 const USUAL_S: f64 = 0.8;
 /// So long somebody is looked at before anything is usual, s.
 const FIRST_S: f64 = 2.0;
-/// Of one that is doubted what it said last counts, s: a stride, and no more than it was waited for since nothing was wrong.
-const LAST_S: f64 = 1.15;
+/// Of one that is doubted what it said last counts, s: a stride.
+pub(super) const STRIDE_S: f64 = 1.15;
 
 /// How one segment faces on what carries it.
 #[derive(Clone, Debug, Default)]
@@ -30,7 +30,7 @@ impl Facing {
             self.last.push_back((dt_s, faces));
             let mut lasts_s: f64 = self.last.iter().map(|(of_s, _)| of_s).sum();
             while let Some((of_s, _)) =
-                self.last.front().filter(|(of_s, _)| lasts_s - of_s > LAST_S)
+                self.last.front().filter(|(of_s, _)| lasts_s - of_s > STRIDE_S)
             {
                 lasts_s -= of_s;
                 self.last.pop_front();
@@ -51,7 +51,7 @@ impl Facing {
     pub(super) fn owed_rad(&self) -> Option<f64> {
         let said: DVec2 = self.last.iter().map(|(of_s, faces)| *of_s * *faces).sum();
         let lasts_s: f64 = self.last.iter().map(|(of_s, _)| of_s).sum();
-        let is_known = self.heard_s >= FIRST_S && lasts_s >= 0.9 * LAST_S;
+        let is_known = self.heard_s >= FIRST_S && lasts_s >= 0.9 * STRIDE_S;
         // Directions that are all over the place have no mean.
         let has_mean = said.length() > 0.5 * lasts_s && self.usual[1].length() > 0.5;
         (is_known && has_mean).then(|| wrap_rad(self.usual[1].to_angle() - said.to_angle()))
