@@ -386,6 +386,12 @@ fn what_is_not_worn_is_at_rest_and_what_falls_silent_is_marked() {
     let worn = [Segment::Torso, Segment::RightUpperArm, Segment::RightForearm];
     record(&folder.join("wave.mcap"), &person, &worn, true, Spoilt::Silent(Segment::RightForearm));
     let output = gaitway(&folder, &["convert", "wave.mcap", "wave.csv"]);
+    // N pose would be of use to nobody, and is not ignored.
+    let refused = gaitway(&folder, &["convert", "wave.mcap", "other.csv", "--n-pose", "0,1"]);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("the recording holds a calibration"), "{said}");
+    assert!(!folder.join("other.csv").exists());
     // Something is missing, and the exit code says so.
     assert_eq!(output.status.code(), Some(3), "{output:?}");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -172,6 +172,31 @@ fn a_file_that_says_what_is_worn_names_the_sensors_and_is_kept_for_whoever_conve
     let hip = hip.unwrap_or_else(|| panic!("{titles:?}"));
     let angles: Vec<f64> = lines.map(|row| row[hip].parse().expect("a number")).collect();
     assert!(angles.len() > 150 && angles.iter().all(|rad| rad.abs() < 0.02), "{angles:?}");
+    // Outside of what was recorded, and before the filters have settled, nobody can have stood there.
+    for span in ["100,200", "0,0.2"] {
+        let refused = convert(&["other.csv", "--n-pose", span]);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(1), "{span}: {said}");
+        for words in ["no orientation in N pose", "allowed  within ", "to do    say when"] {
+            assert!(said.contains(words), "{span}: no {words:?} in\n{said}");
+        }
+        assert!(!folder.join("other.csv").exists());
+    }
+    let worn = "[segments]\nhead = \"pelvis\"\n";
+    std::fs::write(folder.join("otherwise.toml"), worn).expect("a file");
+    let output = convert(&["head.csv", "--n-pose", "1,2", "--wear", "otherwise.toml"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    let words = "worn otherwise; --wear counts: pelvis on the pelvis, strap on the left_thigh";
+    assert!(said.contains(words), "{said}");
+    // A person who stood in no N pose is no motion yet.
+    let recognised = crate::program::gaitway()
+        .current_dir(&folder)
+        .args(["recognise", "take.mcap"])
+        .output()
+        .expect("the command");
+    let said = String::from_utf8_lossy(&recognised.stderr).into_owned();
+    assert!(said.contains("the recording shows no body") && said.contains("--n-pose"), "{said}");
     // Without it the samples are what there is.
     assert_eq!(convert(&["samples.csv"]).status.code(), Some(0));
 }
@@ -468,6 +493,19 @@ fn what_cannot_be_recorded_is_refused_before_a_file_is_made() {
         "{text}"
     );
     assert!(!folder.join("take.mcap").exists());
+    std::fs::write(folder.join("nobody.toml"), "[segments]\n").expect("a file");
+    let (line, port) = ("l=lines@/dev/null", "imu:bno08x-rvc@/dev/zero");
+    let (one, other) = (format!("a={port}"), format!("b={port}"));
+    for (words, said) in [
+        (["--wear=head=l", line], "this source cannot be worn"),
+        (["--wear=nobody.toml", "--for=1s"], "there is nothing to record"),
+        ([one.as_str(), other.as_str()], "two sources are on one port"),
+    ] {
+        let output = record(&folder, &words.map(str::to_owned));
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(1) && text.contains(said), "{words:?}: {text}");
+        assert!(!folder.join("take.mcap").exists(), "{words:?}");
+    }
     // What only a session heeds is not ignored without one.
     let output = record(&folder, &["lines@/dev/null", "--plan=plan.toml"].map(str::to_owned));
     let text = String::from_utf8_lossy(&output.stderr).into_owned();

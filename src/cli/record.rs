@@ -84,9 +84,9 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     }
     let file = args.out.clone().ok_or_else(|| Error::new("no file to record to"))?;
     args.output.check_files(&[&args.out, &args.html])?;
-    let wear = Wear::of(Vec::new(), &args.wear)?;
+    let wear = Wear::of(Vec::new(), &args.wear)?.beside(&args.sources);
     let order = RecordOrder {
-        sources: args.sources.iter().chain(&wear.sources).cloned().collect(),
+        sources: wear.sources,
         worn: wear.places,
         file,
         replace: args.output.force(),

@@ -12,6 +12,7 @@ use crate::recording::{
     Marker, RecordedSource, Recorder, RunEnd, RunStart, SampleEncoding, SourceId, SourceKind,
     SourceRecord,
 };
+use crate::rig::BusKind;
 use crate::sensing::{Intake, LOOK, Place, SensingEvent, Source, SourceReport, Wear, What};
 use crate::session::files::WORN_KEY;
 use crate::time::{Duration, Instant};
@@ -100,12 +101,40 @@ fn check_names(sources: &[Source]) -> Result<(), Error> {
     Ok(())
 }
 
+/// Fails if nothing is recorded, or one port is to be read twice.
+fn check_ports(sources: &[Source]) -> Result<(), Error> {
+    if sources.is_empty() {
+        return Err(Error::new("there is nothing to record")
+            .allowed("sources, or a file of --wear with segments that wear sensors"));
+    }
+    let port = |source: &Source| match &source.what {
+        What::Imu { address, .. } | What::Lines { address } => match &address.bus {
+            BusKind::Serial { path, .. } => Some(path.clone()),
+            _ => None,
+        },
+        _ => None,
+    };
+    for (at, source) in sources.iter().enumerate() {
+        let is_same = |other: &&Source| port(other).is_some() && port(other) == port(source);
+        if let Some(other) = sources[..at].iter().find(is_same) {
+            return Err(Error::new("two sources are on one port")
+                .at(source.text.clone())
+                .got(other.text.clone())
+                .remedy("each sensor has a port of its own: `gaitway ports` lists them"));
+        }
+    }
+    Ok(())
+}
+
 /// The worn sensors that no source is named like: trackers and bodies, which name themselves.
 fn trackers(order: &RecordOrder) -> Result<Vec<String>, Error> {
-    let is_source = |place: &&Place| {
-        order.sources.iter().any(|source| source.name.as_ref() == Some(&place.sensor))
+    let source_of = |place: &Place| {
+        order.sources.iter().find(|source| source.name.as_ref() == Some(&place.sensor))
     };
-    let mut others = order.worn.iter().filter(|place| !is_source(place)).peekable();
+    for source in order.worn.iter().filter_map(source_of) {
+        source.check_wearable()?;
+    }
+    let mut others = order.worn.iter().filter(|place| source_of(place).is_none()).peekable();
     let name_themselves = |source: &Source| matches!(source.what, What::Trackers { .. });
     if let Some(place) = others.peek().filter(|_| !order.sources.iter().any(name_themselves)) {
         return Err(Error::new("no source brings a sensor that is worn")
@@ -127,6 +156,7 @@ pub fn record(
     observer: &dyn Observer,
 ) -> Result<RecordReport, Error> {
     check_names(&order.sources)?;
+    check_ports(&order.sources)?;
     let trackers = trackers(order)?;
     let mut opened = Vec::new();
     let mut joints = None;

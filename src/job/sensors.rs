@@ -119,14 +119,27 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
     let in_file = |error: Error| error.in_file(&order.sensors);
     let mut declared = declaration(order.declared.as_deref())?;
     let (mut series, metadata) = read(order, &declared)?;
+    let mut notes = Vec::new();
+    // What was said when it was recorded.
+    let recorded =
+        metadata.get(WORN_KEY).map(|text| Wear::parse(text)).transpose().map_err(in_file)?;
     let wear = match &order.wear {
-        Some(path) => Some(Wear::of(Vec::new(), &[path.display().to_string()])?),
-        // What was said when it was recorded.
-        None if order.n_pose_s.is_some() && !declared.is_worn() => {
-            metadata.get(WORN_KEY).map(|text| Wear::parse(text)).transpose().map_err(in_file)?
+        Some(path) => {
+            let wear = Wear::of(Vec::new(), &[path.display().to_string()])?;
+            notes.extend(recorded.and_then(|recorded| otherwise(&recorded, &wear)));
+            Some(wear)
         }
-        None => None,
+        None => recorded.filter(|_| order.n_pose_s.is_some() && !declared.is_worn()),
     };
+    if order.n_pose_s.is_some() && wear.is_none() && !declared.is_worn() {
+        let error = Error::new("nobody says who wears which sensor in that N pose");
+        return Err(in_file(match metadata.contains_key(BODY_KEY) {
+            true => error.remedy(
+                "leave out --n-pose: the recording holds a calibration; or add --wear FILE to make another",
+            ),
+            false => error.remedy("add --wear FILE, or segments in the file of --sensors"),
+        }));
+    }
     if let Some(wear) = wear {
         let names = wear.places.iter().map(|place| place.sensor.as_str());
         declared.wear(names.zip(wear.worn()));
@@ -136,7 +149,6 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
     let fused = tables::fuse(&mut series, &declared, order.fuse).map_err(in_file)?;
     let samples = series.sensors.iter().map(|(name, said)| (name.clone(), said.len())).collect();
     let kept = kept(order, &series, &declared, &metadata)?;
-    let mut notes = Vec::new();
     let (bytes, poses, silent) = match (kept, kind) {
         (Some(kept), _) => {
             let body = match order.stature_m {
@@ -189,6 +201,23 @@ pub fn convert(order: &SensorsOrder) -> Result<SensorsReport, Error> {
         poses,
         notes,
         written: order.file.display().to_string(),
+    })
+}
+
+/// What a person should know who says that sensors were worn otherwise than the recording does.
+fn otherwise(recorded: &Wear, wear: &Wear) -> Option<String> {
+    let mut words: Vec<String> = recorded
+        .places
+        .iter()
+        .filter(|place| !wear.places.contains(place))
+        .map(|place| format!("{} on the {}", place.sensor, segment_name(place.segment)))
+        .collect();
+    words.sort();
+    (!words.is_empty()).then(|| {
+        format!(
+            "the recording says that sensors were worn otherwise; --wear counts: {}",
+            words.join(", ")
+        )
     })
 }
 

@@ -127,6 +127,21 @@ impl Opened {
 const TEXT_BAUD_BPS: u32 = 115_200;
 
 impl Source {
+    /// Fails if nobody can wear what it is.
+    ///
+    /// # Errors
+    /// Lines of text, servos.
+    pub fn check_wearable(&self) -> Result<(), Error> {
+        match self.what {
+            What::Imu { .. } | What::Trackers { .. } => Ok(()),
+            What::Lines { .. } | What::Servos { .. } => {
+                Err(Error::new("this source cannot be worn")
+                    .got(self.text.clone())
+                    .allowed("imu:PROFILE@BUS, e.g. left_thigh=imu:bno08x-rvc@/dev/ttyUSB0"))
+            }
+        }
+    }
+
     /// Opens a source that is no robot. `worn` are the names of all sensors that are worn, as far as
     /// that was said.
     ///

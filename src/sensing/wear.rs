@@ -44,7 +44,10 @@ struct WearFile {
 }
 
 #[derive(Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "no sensor of a segment: \"NAME\", \"imu:PROFILE@BUS\" or { sensor = \"NAME\", forward = \"x\" }"
+)]
 enum Entry {
     Plain(String),
     Full { sensor: String, forward: Option<StrapDirection> },
@@ -73,6 +76,23 @@ impl Wear {
         Ok(all)
     }
 
+    /// The same with these sources besides: a sensor that is named like a segment which wears nothing yet is worn there, and any other
+    /// source is not.
+    #[must_use]
+    pub fn beside(mut self, sources: &[Source]) -> Self {
+        let sensors = sources.iter().filter(|source| source.check_wearable().is_ok());
+        for name in sensors.filter_map(|source| source.name.as_deref()) {
+            let is_placed = self.places.iter().any(|place| place.sensor == name);
+            let Ok(segment) = segment_named(name) else { continue };
+            if !is_placed && self.places.iter().all(|place| place.segment != segment) {
+                let sensor = name.to_owned();
+                self.places.push(Place { segment, sensor, forward: Some(DVec3::X) });
+            }
+        }
+        self.sources.splice(0..0, sources.iter().cloned());
+        self
+    }
+
     /// What is worn, as calibration wants it.
     #[must_use]
     pub fn worn(&self) -> Vec<WornSensor> {
@@ -97,7 +117,8 @@ impl Wear {
     pub fn text_of(places: &[Place]) -> Result<String, Error> {
         let entry = |place: &Place| {
             let forward = Some(match place.forward {
-                Some(forward) => StrapDirection::Along(forward.to_array()),
+                // No `-0.0`.
+                Some(forward) => StrapDirection::Along((forward + DVec3::ZERO).to_array()),
                 None => StrapDirection::Words("none".to_owned()),
             });
             (
@@ -150,8 +171,11 @@ impl Wear {
         let segment = segment_named(segment)?;
         let sensor = if sensor.contains('@') {
             let source: Source = sensor.parse()?;
-            if !matches!(source.what, What::Imu { .. }) {
-                return Err(not_worn(sensor));
+            source.check_wearable()?;
+            if matches!(source.what, What::Trackers { .. }) {
+                return Err(Error::new("trackers name themselves")
+                    .got(sensor)
+                    .allowed("the name of one, with this source beside it"));
             }
             let name = segment_name(segment).to_owned();
             self.sources.push(Source { name: Some(name.clone()), ..source });
@@ -178,7 +202,7 @@ impl Wear {
         match (&source.what, &source.name) {
             // Trackers name themselves.
             (What::Trackers { .. }, _) => Ok(()),
-            (What::Lines { .. } | What::Servos { .. }, _) => Err(not_worn(&source.text)),
+            (What::Lines { .. } | What::Servos { .. }, _) => source.check_wearable(),
             (What::Imu { .. }, Some(name)) => {
                 let is_same = |other: &&Source| other.name.as_ref() == Some(name);
                 if self.sources.iter().filter(is_same).count() > 1 {
@@ -194,12 +218,6 @@ impl Wear {
                 .remedy(format!("write SEGMENT= before it, e.g. left_thigh={}", source.text))),
         }
     }
-}
-
-fn not_worn(source: &str) -> Error {
-    Error::new("this source cannot be worn")
-        .got(source)
-        .allowed("imu:PROFILE@BUS, e.g. left_thigh=imu:bno08x-rvc@/dev/ttyUSB0")
 }
 
 fn at(error: Error, place: &str) -> Error {
@@ -234,6 +252,24 @@ mod tests {
             ]
         );
         assert_eq!(all.sources.len(), 4);
+    }
+
+    #[test]
+    fn beside_what_is_said_to_be_worn_sensors_named_like_segments_are_and_others_are_not() {
+        let names = [
+            "torso=imu:x-imu3@/dev/a",
+            "head=imu:x-imu3@/dev/b",
+            "cup=imu:x-imu3@/dev/c",
+            "pelvis=lines@/dev/d",
+            "imu:x-imu3@/dev/e",
+        ];
+        let sources: Vec<Source> = names.iter().map(|text| text.parse().expect("one")).collect();
+        let all = wear(&[], &["left_foot=cup", "head=tracker-1"]).expect("fits").beside(&sources);
+        let places: Vec<_> = all.places.iter().map(|of| (of.segment, of.sensor.as_str())).collect();
+        let foot = (Segment::LeftFoot, "cup");
+        assert_eq!(places, [foot, (Segment::Head, "tracker-1"), (Segment::Torso, "torso")]);
+        let texts: Vec<&str> = all.sources.iter().map(|source| source.text.as_str()).collect();
+        assert_eq!(texts, names);
     }
 
     #[test]

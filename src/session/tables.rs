@@ -594,7 +594,38 @@ pub fn check_worn(series: &SensorSeries, declared: &DeclaredSensors) -> Result<(
     let known: Vec<&str> = series.sensors.keys().map(String::as_str).collect();
     Err(Error::of(ErrorKind::Absent, "a sensor that is worn did not say anything")
         .got(absent.name.clone())
-        .allowed(known.join(", ")))
+        .allowed(if known.is_empty() { "none said anything".to_owned() } else { known.join(", ") })
+        .remedy("leave its segment out, which is at rest then: --wear FILE without it"))
+}
+
+/// Fails if a sensor tells no orientation from one time to another, s from the first sample: outside of what was recorded, or before a filter has
+/// settled.
+fn check_n_pose(
+    series: &SensorSeries,
+    names: &[String],
+    [from_s, to_s]: [f64; 2],
+) -> Result<(), Error> {
+    let start_ns = series.start_ns();
+    let times_s = |name: &String| {
+        let moments = series.sensors.get(name).into_iter().flatten();
+        let told = moments.filter(|moment| moment.orientation.is_some());
+        told.map(|moment| moment.taken_ns.saturating_sub(start_ns) as f64 / 1e9)
+    };
+    let silent = names.iter().find(|name| !times_s(name).any(|s| (from_s..=to_s).contains(&s)));
+    let Some(silent) = silent else { return Ok(()) };
+    let first_s = names.iter().map(|name| times_s(name).fold(f64::INFINITY, f64::min));
+    let first_s = first_s.fold(0.0, f64::max);
+    let last_s = names.iter().map(|name| times_s(name).fold(0.0, f64::max));
+    let last_s = last_s.fold(f64::INFINITY, f64::min);
+    let error = Error::of(ErrorKind::Absent, "a sensor tells no orientation in N pose")
+        .at(format!("sensor {silent}"))
+        .got(format!("{from_s} to {to_s} s"));
+    Err(match first_s < last_s {
+        true => error
+            .allowed(format!("within {first_s:.2} to {last_s:.2} s, when all that are worn tell one"))
+            .remedy("say when somebody stood so: n_pose_s in the file of --sensors, or --n-pose FROM,TO"),
+        false => error.remedy("leave out the sensor that says nothing: --wear FILE without its segment"),
+    })
 }
 
 /// How the sensors sit, from the times in which somebody is declared to stand in N pose and to move, and from all that was done
@@ -623,6 +654,7 @@ pub fn calibrated(
         .allowed("n_pose_s = [from, to], s, in the file of --sensors, or --n-pose FROM,TO"));
     };
     let start_ns = series.start_ns();
+    check_n_pose(series, &names, n_pose_s)?;
     let said = |[from_s, to_s]: [f64; 2]| -> Vec<Vec<DQuat>> {
         let of = |name: &String| {
             let moments = series.sensors.get(name).into_iter().flatten();

@@ -92,6 +92,11 @@ fn of_robot(recording: &Recording) -> Result<Capture, Error> {
         )
     };
     let start = recording.start.as_ref().ok_or_else(nothing)?;
+    if start.robot.is_empty() {
+        return Err(nothing().remedy(
+            "sensors whose wearer stood in N pose become a motion: gaitway convert FILE.mcap FILE.bvh --n-pose FROM,TO",
+        ));
+    }
     let robot = Robot::load(&start.robot)?;
     let same = robot.joints.len() == start.joints.len()
         && robot.joints.iter().zip(&start.joints).all(|(one, two)| one.name == two.name);
