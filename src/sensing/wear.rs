@@ -262,12 +262,18 @@ mod tests {
             "cup=imu:x-imu3@/dev/c",
             "pelvis=lines@/dev/d",
             "imu:x-imu3@/dev/e",
+            "left_shank=imu:x-imu3@/dev/f",
         ];
         let sources: Vec<Source> = names.iter().map(|text| text.parse().expect("one")).collect();
-        let all = wear(&[], &["left_foot=cup", "head=tracker-1"]).expect("fits").beside(&sources);
+        let said = ["left_foot=cup", "head=tracker-1", "right_shank=left_shank"];
+        let all = wear(&[], &said).expect("fits").beside(&sources);
         let places: Vec<_> = all.places.iter().map(|of| (of.segment, of.sensor.as_str())).collect();
-        let foot = (Segment::LeftFoot, "cup");
-        assert_eq!(places, [foot, (Segment::Head, "tracker-1"), (Segment::Torso, "torso")]);
+        let said = [
+            (Segment::LeftFoot, "cup"),
+            (Segment::Head, "tracker-1"),
+            (Segment::RightShank, "left_shank"),
+        ];
+        assert_eq!(places, [&said[..], &[(Segment::Torso, "torso")]].concat());
         let texts: Vec<&str> = all.sources.iter().map(|source| source.text.as_str()).collect();
         assert_eq!(texts, names);
     }
