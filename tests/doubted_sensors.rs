@@ -251,6 +251,7 @@ enum Fault {
     DeadAxis,
     Blows,
     Pushed,
+    Off,
     Scaled,
     Swapped(Segment, Segment),
 }
@@ -264,6 +265,7 @@ impl Fault {
     fn spoil(self, since_s: f64, segment: Segment, says: &mut virtual_wearer::Spoilt) {
         let on = match self {
             Self::Knock(on) => on,
+            Self::Off => Segment::LeftForearm,
             _ => Segment::LeftThigh,
         };
         if segment != on || since_s < 0.0 {
@@ -277,6 +279,7 @@ impl Fault {
             Self::DeadAxis => says.rate.y = 0.0,
             Self::Blows if since_s % 0.2 < 0.01 => says.force += DVec3::X * 150.0,
             Self::Pushed => says.force += DVec3::X * 3.0,
+            Self::Off => says.force += DVec3::X * 6.0,
             Self::Scaled => says.force *= 1.3,
             _ => {}
         }
@@ -378,6 +381,7 @@ fn what_faults_do_to_a_robot_is_bounded_and_printed() {
             Fault::DeadAxis,
             Fault::Blows,
             Fault::Pushed,
+            Fault::Off,
             Fault::Scaled,
             Fault::Swapped(S::LeftShank, S::RightShank),
             Fault::Swapped(S::LeftThigh, S::LeftShank),
@@ -419,6 +423,9 @@ fn what_faults_do_to_a_robot_is_bounded_and_printed() {
                 _ => 14.0,
             };
             assert!(doubts < most_deg, "{motion} {fault:?}: {doubts}");
+            if matches!(fault, Fault::Blows | Fault::Off) {
+                assert_eq!(seen.len(), tried.len(), "{motion} {fault:?}");
+            }
             if fault == Fault::Tilts {
                 assert!(doubts < 0.8 * unweighed, "{motion}: gravity tells nothing");
             }

@@ -5,20 +5,28 @@
 //! for one) the filter comes too late for as long as that lasts, and where an accelerometer says what is not, its length is not that of
 //! weight. Either way the mean of what was measured, turned into the world, is elsewhere than straight up and one g long, and elsewhere than
 //! that of the other sensors. Nobody who moves changes that: a body is accelerated to and fro.
+//!
+//! A short mean shows it soon, but has to allow for how a limb is swung. A long one hardly has to; it shows what is hidden in a swing:
+//! an arm that runs with an accelerometer that is off, or blows again and again, which a body that moves does not give one after the
+//! other to the same side. Such blows must not be taken for how the segment is usually shaken.
 
 use crate::body::Segment;
 use glam::DVec3;
 
 /// Standard gravity, m/s^2.
 const GRAVITY_M_S2: f64 = 9.806_65;
-/// Means are taken twice, one of the other, over so long a time each, s.
-const MEAN_S: f64 = 0.6;
+/// Means are taken twice, one of the other, over so long a time each, s: the short one and the long one.
+const MEANS_S: [f64; 2] = [0.6, 2.0];
+/// How a sensor is shaken is a mean of so long, s,
+const SHAKEN_S: f64 = 0.6;
+/// and how it usually is, of so long.
+const USUALLY_S: f64 = 4.0;
 /// So long nothing is made of a sensor that begins, s.
 const FIRST_S: f64 = 5.0;
-/// So far from weight nobody is who hardly moves, m/s^2: accelerometers of cheap sensors are off by 0.8.
-const MOST_OFF_M_S2: f64 = 1.5;
-/// And so much of what it is shaken, root mean square.
-const SHAKEN: f64 = 0.2;
+/// So far from weight is no mean of somebody who hardly moves, m/s^2: accelerometers of cheap sensors are off by 0.8.
+const MOST_OFF_M_S2: [f64; 2] = [1.5, 1.2];
+/// And so much of what it is shaken, root mean square: the short mean of what it is now, the long one of what it usually is.
+const SHAKEN: [f64; 2] = [0.2, 0.1];
 /// Who is astray is not any more at this share of it.
 const BACK: f64 = 0.6;
 /// A mean that is no further from straight up than this, m/s^2, is upright: four degrees.
@@ -29,10 +37,10 @@ const LEVEL_SHAKEN: f64 = 0.05;
 /// What one sensor measures.
 #[derive(Clone, Copy, Debug, Default)]
 struct Down {
-    /// Mean, and mean of that, m/s^2.
-    means: [DVec3; 2],
-    /// Mean square of what is off the mean, m^2/s^4.
-    shaken: f64,
+    /// Mean, and mean of that, m/s^2; short and long.
+    means: [[DVec3; 2]; 2],
+    /// Mean square of what is off the short mean, m^2/s^4: now, and usually.
+    shaken: [f64; 2],
     heard_s: f64,
     /// Since it said something last, s.
     silent_s: f64,
@@ -52,14 +60,20 @@ impl Downs {
         of.silent_s += dt_s;
         let Some(force) = force.filter(|force| force.is_finite()) else { return };
         if of.heard_s == 0.0 {
-            of.means = [force; 2];
+            of.means = [[force; 2]; 2];
         }
-        let step_s = std::mem::take(&mut of.silent_s).min(MEAN_S);
+        let step_s = std::mem::take(&mut of.silent_s).min(SHAKEN_S);
         of.heard_s += step_s;
-        let share = step_s / MEAN_S;
-        let [first, mean] = of.means;
-        of.means = [first + (force - first) * share, mean + (first - mean) * share];
-        of.shaken += ((force - mean).length_squared() - of.shaken) * share;
+        let before = of.short();
+        for ([first, mean], mean_s) in of.means.iter_mut().zip(MEANS_S) {
+            let share = step_s / mean_s;
+            *mean += (*first - *mean) * share;
+            *first += (force - *first) * share;
+        }
+        let off = (force - before).length_squared();
+        let [now, usually] = &mut of.shaken;
+        *now += (off - *now) * step_s / SHAKEN_S;
+        *usually += (off.min(4.0 * (*usually + 1.0)) - *usually) * step_s / USUALLY_S;
     }
 
     /// The sensor of a segment began anew.
@@ -70,8 +84,8 @@ impl Downs {
     /// By [`Segment::index`]: whether its sensor is tilted as its orientation has it; `None`: nobody knows.
     pub fn level(&self) -> [Option<bool>; 13] {
         self.of.map(|of| {
-            let most = LEVEL_M_S2 + LEVEL_SHAKEN * of.shaken.sqrt();
-            (of.heard_s >= FIRST_S).then(|| of.means[1].truncate().length() <= most)
+            let most = LEVEL_M_S2 + LEVEL_SHAKEN * of.shaken[0].sqrt();
+            (of.heard_s >= FIRST_S).then(|| of.short().truncate().length() <= most)
         })
     }
 
@@ -79,20 +93,32 @@ impl Downs {
     pub fn astray(&mut self) -> [bool; 13] {
         let weight = DVec3::Z * GRAVITY_M_S2;
         let is_known = |of: &Down| of.heard_s >= FIRST_S;
-        let known: Vec<DVec3> =
-            self.of.iter().filter(|of| is_known(of)).map(|of| of.means[1]).collect();
         // What all share is how the body is carried along, as in a lift.
-        let others = if known.len() >= 3 { middle(&known) } else { weight };
+        let others = [0, 1].map(|long: usize| {
+            let known: Vec<DVec3> =
+                self.of.iter().filter(|of| is_known(of)).map(|of| of.means[long][1]).collect();
+            if known.len() >= 3 { middle(&known) } else { weight }
+        });
         self.of.each_mut().map(|of| {
             if !is_known(of) {
                 return false;
             }
-            let most = MOST_OFF_M_S2 + SHAKEN * of.shaken.sqrt();
-            let mean = of.means[1];
-            let off = (mean - weight).length().min((mean - others).length());
-            of.astray = !(off <= if of.astray { BACK * most } else { most });
+            let is_off = |long: usize| {
+                let mean = of.means[long][1];
+                let off = (mean - weight).length().min((mean - others[long]).length());
+                let most = MOST_OFF_M_S2[long] + SHAKEN[long] * of.shaken[long].sqrt();
+                !(off <= if of.astray { BACK * most } else { most })
+            };
+            of.astray = is_off(0) || is_off(1);
             of.astray
         })
+    }
+}
+
+impl Down {
+    /// The short mean of means.
+    const fn short(&self) -> DVec3 {
+        self.means[0][1]
     }
 }
 
