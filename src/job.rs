@@ -52,6 +52,7 @@ pub mod recognise_each;
 pub mod recognise_live;
 pub mod recognised;
 pub mod record;
+mod record_doubts;
 pub mod recorder;
 pub mod report;
 pub mod retarget;

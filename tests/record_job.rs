@@ -61,6 +61,37 @@ fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
     assert!(info.contains(&format!("{lacking} with a value beyond the sensor's range")), "{info}");
 }
 
+/// A board that is turned by 25 rad/s for a fifth of a second.
+fn knocked() -> impl Iterator<Item = String> {
+    let line = |n: u32| {
+        let (force, noise) = (0.003 * f64::from(n % 5), 0.004 * f64::from(n % 7));
+        let rate = if (400..420).contains(&n) { 25.0 } else { noise };
+        format!("{},{force},0,{},0,{noise},{rate}\n", n * 10_000, 9.8 + force)
+    };
+    (0..).map(line)
+}
+
+#[test]
+fn what_nobody_who_wears_a_sensor_can_do_is_told_at_once_and_of_one_that_nobody_wears_is_not() {
+    let (torso, cup) = (sayer(knocked(), 10), sayer(knocked(), 10));
+    let file = program::folder("knocked").join("take.mcap");
+    let output = program::gaitway()
+        .args(["record", "--for", "6s", "--json", "-o"])
+        .arg(&file)
+        .arg(format!("torso=imu:arduino-csv@tcp:{torso}"))
+        .arg(format!("cup=imu:arduino-csv@tcp:{cup}"))
+        .output()
+        .expect("the command");
+    let told = program::words(&output);
+    assert!(told.contains("the sensor on the trunk is doubted: it is jolted as"), "{told}");
+    let doubted = &program::json(&output)["doubted"];
+    assert_eq!(doubted["torso"]["times"], 1, "{told}");
+    let time_s = doubted["torso"]["time_s"].as_f64().expect("a time");
+    // A stride after the last such thing, for the heading; longer if the filter has not found down by then.
+    assert!((1.0..3.0).contains(&time_s), "{time_s}");
+    assert_eq!(doubted.as_object().map(serde_json::Map::len), Some(1));
+}
+
 /// A sketch that prints every 20 ms, while its profile says 10.
 #[test]
 fn a_board_that_prints_half_as_often_as_its_profile_says_has_lost_nothing_and_that_is_said_once() {

@@ -34,7 +34,7 @@ pub struct RecordArgs {
     #[arg(short, long, value_name = "FILE.mcap", required_unless_present = "session")]
     out: Option<PathBuf>,
     /// Lead through a recording session in this folder, or resume one
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp", "force"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "time", "name", "limp"])]
     session: Option<PathBuf>,
     /// Which segment wears which sensor or tracker (left_thigh=tracker-00aa01-0), or a file that says what is worn, as for
     /// `live`; its sources are recorded, and how they are worn is kept in the recording
@@ -135,6 +135,13 @@ fn text(report: &RecordReport, file: &Path) -> String {
     };
     for source in &report.sources {
         source_words::heard(source, &mut out);
+    }
+    for (sensor, of) in &report.doubted {
+        let (times, time_s) = (counted(of.times, "time"), of.time_s);
+        let _ = writeln!(
+            out,
+            "  {sensor} said {times}, for {time_s:.1} s, what nobody who wears it can do"
+        );
     }
     let refused: u64 = report.dropped_by_topic.values().sum();
     if refused > 0 {

@@ -2,6 +2,7 @@
 
 use super::heard::Rates;
 use super::observer::RecordingNow;
+use super::record_doubts::{DoubtTally, RecordDoubts};
 use super::report::counted;
 use super::taught::Servos;
 use super::{Event, Observer};
@@ -19,8 +20,9 @@ use crate::time::{Duration, Instant};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, channel};
 
 pub use crate::capture::Mode;
 
@@ -60,6 +62,8 @@ pub struct RecordReport {
     pub duration_s: f64,
     /// What came of each source.
     pub sources: Vec<SourceReport>,
+    /// Of sensors that are worn, by name, how often and for how long they said what nobody can do; those alone that did.
+    pub doubted: BTreeMap<String, DoubtTally>,
     /// Messages stored.
     pub messages: u64,
     /// Messages that are not stored: refused by the full queue, or lost by a disk that failed.
@@ -178,7 +182,14 @@ pub fn record(
     observer.hear(Event::Note(&begins(order)));
     let stop = AtomicBool::new(false);
     let tell = |event: SensingEvent<'_>| observer.hear(Event::Sensing(event));
+    let (listener, said) = channel();
     let intake = Intake::new(Some(&recorder), &stop, order.mode, &tell).patient();
+    // Of what nobody wears nobody knows what it can do.
+    let intake = match order.worn.is_empty() {
+        true => intake,
+        false => intake.heard_by(listener, Arc::new(MonotonicClock)),
+    };
+    let mut doubts = RecordDoubts::new(&order.worn, said, began);
     let left = AtomicUsize::new(opened.len() + usize::from(joints.is_some()));
     std::thread::scope(|scope| {
         let (intake, left) = (&intake, &left);
@@ -194,12 +205,15 @@ pub fn record(
                 left.fetch_sub(1, Ordering::Release);
             });
         }
-        let all_gone = || left.load(Ordering::Acquire) <= intake.away();
-        wait(order, marks, &recorder, observer, began, intake, &all_gone);
+        let goes_on = |now: Instant| {
+            doubts.look(now, observer);
+            left.load(Ordering::Acquire) > intake.away()
+        };
+        wait(order, marks, &recorder, observer, began, intake, goes_on);
         stop.store(true, Ordering::Release);
     });
     let sources = intake.into_reports();
-    Ok(finish(order, recorder, sources, began))
+    Ok(finish(order, recorder, sources, doubts.tallies(), began))
 }
 
 /// What is said when all sources are open: nothing else tells that it has begun.
@@ -235,7 +249,7 @@ fn wait(
     observer: &dyn Observer,
     began: Instant,
     intake: &Intake<'_>,
-    all_gone: &dyn Fn() -> bool,
+    mut goes_on: impl FnMut(Instant) -> bool,
 ) {
     let until = order.time.map(|time| began + time);
     let mut marked = None;
@@ -265,8 +279,10 @@ fn wait(
             observer.hear(Event::Recording(&RecordingNow {
                 time_s: now.seconds_since(began),
                 of_s: order.time.map(|time| time.as_secs_f64()),
+                ended_by: "Ctrl-C",
                 sources: rates.of_all(intake.heard(), now),
                 mark: mark_before.clone(),
+                note: String::new(),
                 dropped: recorder.dropped().values().sum(),
             }));
         }
@@ -278,7 +294,7 @@ fn wait(
         if observer.wants_to_stop() || until.is_some_and(|until| now >= until) {
             return;
         }
-        if all_gone() {
+        if !goes_on(now) {
             return observer.hear(Event::Note("all sources are gone: the recording ends here"));
         }
         let next = now + LOOK;
@@ -290,6 +306,7 @@ fn finish(
     order: &RecordOrder,
     recorder: Recorder,
     sources: Vec<SourceReport>,
+    doubted: BTreeMap<String, DoubtTally>,
     began: Instant,
 ) -> RecordReport {
     let ended = MonotonicClock.now();
@@ -312,6 +329,7 @@ fn finish(
         outcome: if is_whole { DONE } else { WITH_LOSS },
         duration_s: ended.seconds_since(began),
         sources,
+        doubted,
         messages: summary.messages,
         dropped: summary.dropped.values().sum::<u64>() + summary.lost,
         dropped_by_topic,
