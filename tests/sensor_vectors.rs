@@ -281,6 +281,13 @@ fn a_slimevr_tracker_is_known_by_its_handshake() {
     assert_eq!(found, [slimevr::Message::Pong(7)]);
 }
 
+/// The server reads a number of a sensor, which the firmware leaves at 255, and a signed byte.
+#[test]
+fn a_tracker_says_how_strongly_it_receives_its_network() {
+    let (number, found) = messages("00 00 00 13 00 00 00 00 00 00 00 07 FF C3");
+    assert_eq!((number, found), (7, vec![slimevr::Message::Signal(-61)]));
+}
+
 #[test]
 fn a_bundle_holds_several_packets_and_a_cut_one_is_refused() {
     use slimevr::Message;

@@ -36,6 +36,8 @@ pub struct SensorNow {
     pub stuck: bool,
     /// Charge of its battery, 0 to 1, if it tells.
     pub battery: Option<f64>,
+    /// How strongly it receives its network, dBm, if it tells.
+    pub signal_dbm: Option<i8>,
     /// Why there will be no more of it, or is none just now.
     pub gone: Option<String>,
 }
@@ -69,6 +71,7 @@ impl Rates {
                 silent_s: sensor.last.map(|last| now.seconds_since(last).max(0.0)),
                 stuck: sensor.stuck,
                 battery: sensor.battery,
+                signal_dbm: sensor.signal_dbm,
                 gone: sensor.gone,
             }
         });

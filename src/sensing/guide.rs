@@ -491,7 +491,7 @@ impl<'a> Guide<'a> {
                 return Err(Error::new("a worn sensor is gone")
                     .at(format!("sensor {sensor}"))
                     .got(why.clone())
-                    .remedy("plug it in or switch it on, and give the same command again")
+                    .remedy("plug it in or switch it on, and try again")
                     .into());
             }
             if self.sensors.is_over() {

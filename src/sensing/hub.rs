@@ -37,6 +37,8 @@ pub struct HeardSensor {
     pub anew: u64,
     /// Charge of its battery, 0 to 1, if it tells.
     pub battery: Option<f64>,
+    /// How strongly it receives its network, dBm, if it tells.
+    pub signal_dbm: Option<i8>,
     /// Why there will be no more of it, or is none just now.
     pub gone: Option<String>,
 }
@@ -141,6 +143,13 @@ impl Hub {
         let by = wearer(sensor).map_or(0, |(by, _)| by);
         if let Some(part) = inner.parts.iter_mut().find(|part| part.subject == by) {
             part.record(sensor, *captured);
+        }
+    }
+
+    /// Takes what a sensor tells of itself.
+    pub fn note(&self, heard: &str, note: impl FnOnce(&mut HeardSensor)) {
+        if let Some(sensor) = self.names.get(heard) {
+            note(self.inner().heard.entry(Arc::clone(sensor)).or_default());
         }
     }
 

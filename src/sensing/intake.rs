@@ -142,6 +142,14 @@ impl<'a> Intake<'a> {
         }
     }
 
+    /// Notes it for a session as well.
+    fn note_all(&self, source: &Named, note: impl Fn(&mut HeardSensor)) {
+        self.note(source, &note);
+        if let Some(hub) = self.hub {
+            hub.note(&source.name, &note);
+        }
+    }
+
     /// A source speaks so many times a second by its profile; 0: nobody knows.
     pub fn expects(&self, source: &Named, usual_rate_hz: f64) {
         self.note(source, |now| now.usual_rate_hz = usual_rate_hz);
@@ -162,7 +170,12 @@ impl<'a> Intake<'a> {
 
     /// Takes how full the battery of a source is, 0 to 1.
     pub fn battery(&self, source: &Named, level: f64) {
-        self.note(source, |now| now.battery = Some(level));
+        self.note_all(source, |now| now.battery = Some(level));
+    }
+
+    /// Takes how strongly a source receives its network, dBm.
+    pub fn signal(&self, source: &Named, dbm: i8) {
+        self.note_all(source, |now| now.signal_dbm = Some(dbm));
     }
 
     /// How many sources are gone now, and waited for.

@@ -131,9 +131,11 @@ impl Trackers {
             if let Message::SensorInfo { sensor, status } = message {
                 let _ = self.socket.send_to(&slimevr::sensor_info_reply(sensor, status), from);
             }
-            if let Message::Battery(_, level) = message {
-                let sensors = tracker.sensors.values();
-                sensors.for_each(|(source, _)| intake.battery(source, level));
+            let all = tracker.sensors.values().map(|(source, _)| source);
+            match message {
+                Message::Battery(_, level) => all.for_each(|source| intake.battery(source, level)),
+                Message::Signal(dbm) => all.for_each(|source| intake.signal(source, dbm)),
+                _ => {}
             }
             let Some((sensor, reading)) = reading(&message) else { continue };
             if sensor >= MOST_SENSORS {
@@ -345,6 +347,27 @@ mod tests {
             take(&rotation(), from(2, 6969), 0.1);
         });
         assert_eq!(told, [("tracker-00aa02-0".to_owned(), 1, 0)]);
+    }
+
+    #[test]
+    fn what_a_tracker_tells_of_itself_is_known_of_each_of_its_sensors_in_sessions_as_well() {
+        let stop = AtomicBool::new(false);
+        let names = [("tracker-00aa01-0".to_owned(), "head".to_owned())];
+        let hub = crate::sensing::Hub::of(names.into_iter());
+        let intake = Intake::new(None, &stop, Mode::SixAxes, &|_| ()).heard_by_hub(&hub);
+        let mut trackers = trackers(&["tracker-00aa01-0"]);
+        let mut battery = vec![0, 0, 0, 12];
+        battery.extend([0; 8]);
+        battery.extend([4.0_f32, 0.5].iter().flat_map(|value| value.to_be_bytes()));
+        let mut signal = vec![0, 0, 0, 19];
+        signal.extend([0; 8]);
+        signal.extend([255, 0xC3]);
+        for said in [handshake(mac(1)), rotation(), battery, signal] {
+            trackers.take(&said, from(1, 6969), at_s(0.0), &intake);
+        }
+        let known = [&hub.heard()["head"], &intake.heard()[0].1]
+            .map(|of| (of.samples, of.battery, of.signal_dbm));
+        assert_eq!(known, [(1, Some(0.5), Some(-61)); 2]);
     }
 
     #[test]

@@ -63,6 +63,8 @@ pub enum Message {
     },
     /// Battery voltage, V, and level, 0 to 1.
     Battery(f64, f64),
+    /// How strongly the tracker receives its network, dBm.
+    Signal(i8),
     /// Temperature of a sensor, degrees Celsius.
     Temperature(u8, f64),
     /// The wearer asked for something: 2 full, 3 yaw, 4 mounting reset, 5 pause.
@@ -160,6 +162,11 @@ fn message(id: u32, mut rest: &[u8]) -> Result<Message, Reason> {
             let [sensor, _kind] = take(rest)?;
             let [x, y, z, w] = floats(rest)?;
             Message::Rotation { sensor, quaternion: [w, x, y, z] }
+        }
+        19 => {
+            // One radio serves all sensors of a tracker.
+            let [_sensor, dbm] = take(rest)?;
+            Message::Signal(i8::from_be_bytes([dbm]))
         }
         20 => {
             let [sensor] = take(rest)?;
