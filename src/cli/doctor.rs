@@ -115,7 +115,7 @@ fn turn(args: &DoctorArgs, robot: &str, remarks: Remarks) -> Result<i32, Error> 
     };
     let mut answers = Answers::listen(signals.clone())?;
     let mut ask = |found: &DirectionFound| loop {
-        prompt(&question(found));
+        let _ = prompt(&question(found));
         match answers.line().map(|line| answered(&line)) {
             Some(Some(answer)) => return answer,
             Some(None) => {}

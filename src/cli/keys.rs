@@ -6,6 +6,7 @@ use rustix::stdio::stdin;
 use rustix::termios::{
     LocalModes, OptionalActions, SpecialCodeIndex, Termios, isatty, tcgetattr, tcgetpgrp, tcsetattr,
 };
+use std::io::Read;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -108,15 +109,59 @@ fn give_back_while_stopped() -> std::io::Result<()> {
     Ok(())
 }
 
+/// Hands on what is typed at standard input until nobody takes it any more: line by line, or, while that is wanted, what a typist
+/// makes of the keys as they are pressed. A note that is not ended yet stands in `note`.
+pub fn hand_on_typed(
+    new_typist: impl Fn() -> Typist,
+    by_keys: &AtomicBool,
+    note: &Mutex<String>,
+    mut is_taken: impl FnMut(String) -> bool,
+) {
+    let mut typist = new_typist();
+    let mut line = Vec::new();
+    let mut bytes = [0_u8; 256];
+    while let Ok(count @ 1..) = std::io::stdin().lock().read(&mut bytes) {
+        let now = Instant::now();
+        let is_pressed = by_keys.load(Ordering::Acquire);
+        if !is_pressed {
+            typist = new_typist();
+        }
+        for byte in &bytes[..count] {
+            let whole = match (is_pressed, byte) {
+                (true, key) => typist.press(*key, now).map(|(_, line)| line),
+                (false, b'\n') => {
+                    Some(String::from_utf8_lossy(&std::mem::take(&mut line)).into_owned())
+                }
+                (false, byte) => {
+                    line.push(*byte);
+                    None
+                }
+            };
+            if whole.is_some_and(|whole| !is_taken(whole)) {
+                return;
+            }
+        }
+        *note.lock().unwrap_or_else(PoisonError::into_inner) = typist.typed();
+    }
+    // As a line that its end ends.
+    if !line.is_empty() {
+        is_taken(String::from_utf8_lossy(&line).into_owned());
+    }
+}
+
 /// What keys make, one after the other: lines. Enter or space alone is an empty one.
 #[derive(Debug, Default)]
 pub struct Typist {
     /// Keys that are a line each, unless something was typed before them.
     at_once: &'static [u8],
+    /// Keys that make no line are forgotten: no words are typed.
+    knows_no_words: bool,
     typed: Vec<u8>,
     since: Option<Instant>,
     /// Until when Enter belongs to a key that was a line.
     companion: Option<Instant>,
+    /// The key that was pressed last, and when.
+    before: Option<(u8, Instant)>,
     /// In what a key sends that stands for no letter: an arrow.
     escape: Escape,
 }
@@ -130,6 +175,9 @@ enum Escape {
     Inside,
 }
 
+/// A key that is held down is pressed again and again, nearer together than anybody presses it twice.
+const REPEATS: Duration = Duration::from_millis(120);
+
 /// What a key sends comes at once; what is pressed after Esc does not.
 const AT_ONCE: Duration = Duration::from_millis(50);
 
@@ -137,6 +185,11 @@ impl Typist {
     /// With keys that are a line each.
     pub fn new(at_once: &'static [u8]) -> Self {
         Self { at_once, ..Self::default() }
+    }
+
+    /// With keys that are a line each, whatever was pressed before them.
+    pub fn of_keys(at_once: &'static [u8]) -> Self {
+        Self { at_once, knows_no_words: true, ..Self::default() }
     }
 
     /// What was typed and neither ended nor dropped yet.
@@ -168,6 +221,14 @@ impl Typist {
             (Escape::No, _) => {}
         }
         let companion = self.companion.take();
+        let before = self.before.replace((key, now));
+        let is_held = before.is_some_and(|(before, at)| before == key && now < at + REPEATS);
+        let is_alone = self.typed.is_empty()
+            && (self.at_once.contains(&key) || matches!(key, b'\n' | b'\r' | b' '));
+        if is_held && is_alone {
+            self.companion = companion;
+            return None;
+        }
         match key {
             b'\n' | b'\r' if self.typed.is_empty() && companion.is_some_and(|by| now <= by) => None,
             b' ' if self.typed.is_empty() => Some((now, String::new())),
@@ -188,7 +249,7 @@ impl Typist {
                 self.companion = Some(now + COMPANION);
                 Some((now, char::from(key).to_string()))
             }
-            key if key >= b' ' => {
+            key if key >= b' ' && !self.knows_no_words => {
                 if self.typed.is_empty() {
                     self.since = Some(now);
                 }
@@ -234,9 +295,38 @@ mod tests {
 
     #[test]
     fn keys_that_are_a_line_each_need_no_enter_and_one_that_follows_by_habit_is_none() {
-        assert_eq!(lines(b"x.", &[(0, "x"), (300, "\n"), (0, "\n")]), ["x", ""]);
+        assert_eq!(lines(b"x.", &[(0, "x"), (300, "\n"), (200, "\n")]), ["x", ""]);
         assert_eq!(lines(b"x.", &[(0, "x"), (900, "\n")]), ["x", ""]);
-        assert_eq!(lines(b"x.", &[(0, "xx."), (0, "a fox.\n")]), ["x", "x", ".", "a fox."]);
+        assert_eq!(
+            lines(b"x.", &[(0, "x"), (150, "x."), (0, "a fox.\n")]),
+            ["x", "x", ".", "a fox."]
+        );
+    }
+
+    #[test]
+    fn keys_count_whatever_else_was_pressed_where_no_words_are_typed() {
+        let mut typist = Typist::of_keys(b"qQ");
+        let now = Instant::now();
+        let mut made = |keys: &str| -> Vec<String> {
+            keys.bytes().filter_map(|key| typist.press(key, now)).map(|(_, line)| line).collect()
+        };
+        // The key F2 sends a Q that nobody pressed.
+        assert_eq!(made("what\u{1b}OQ is"), [""], "a space");
+        assert_eq!(made("this q"), ["", "q"]);
+        assert_eq!(made("\nQ"), ["Q"]);
+    }
+
+    #[test]
+    fn a_key_that_is_held_down_counts_as_it_goes_down_and_letters_of_a_word_all_count() {
+        let held = |keys: &'static str| {
+            let mut all = vec![(0, keys), (500, keys)];
+            all.extend([(33, keys)].repeat(60));
+            all
+        };
+        // The first repetition comes late, and is one too many.
+        assert_eq!(lines(b"x.", &held("x")), ["x", "x"]);
+        assert_eq!(lines(b"", &held("\n")), ["", ""]);
+        assert_eq!(lines(b"x.", &[(0, "a"), (20, "xx"), (20, "xx\n")]), ["axxxx"]);
     }
 
     #[test]

@@ -47,7 +47,7 @@ fn consents(robot: &str) -> bool {
     if !stdin.is_terminal() {
         return false;
     }
-    prompt(&question(robot));
+    let _ = prompt(&question(robot));
     let mut answer = String::new();
     stdin.lock().read_line(&mut answer).is_ok() && answer.trim() == "yes"
 }

@@ -1,13 +1,16 @@
 //! The person at the terminal: what they type, and whether they want to stop.
 
+use super::keys::{Keys, Typist, hand_on_typed};
 use super::live::Shown;
 use super::signals::Signals;
 use super::status::StatusLine;
-use super::{Remarks, say};
+use super::{Remarks, print, say};
 use crate::job::heard::following;
 use crate::job::{Event, Observer, cues};
 use crate::sensing::{Answer, Cue, Person};
-use std::io::{BufRead, IsTerminal};
+use rustix::stdio::stdin;
+use rustix::termios::{QueueSelector, tcflush};
+use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -23,9 +26,18 @@ pub struct Operator {
     follows: Mutex<Option<Instant>>,
     typed: Arc<Typed>,
     lines: Arc<Mutex<Receiver<String>>>,
+    /// While a robot follows, the terminal waits for no Enter.
+    keys: Mutex<Option<Keys>>,
     /// True if lines are read elsewhere: their end is a stop.
     is_shared: bool,
     is_at_terminal: bool,
+    /// Where it is told what to do: beside the questions.
+    tell: fn(&str),
+}
+
+/// Says a line on standard output. What cannot be said there, the next question cannot ask either.
+fn say_there(text: &str) {
+    let _ = print(&format!("{text}\n"));
 }
 
 /// What counts whenever it is typed.
@@ -34,6 +46,8 @@ struct Typed {
     quit: AtomicBool,
     reset: AtomicBool,
     agrees: AtomicBool,
+    /// True while keys count as they are pressed.
+    by_keys: AtomicBool,
 }
 
 impl Operator {
@@ -47,20 +61,24 @@ impl Operator {
             let typed = Arc::clone(&typed);
             // The thread waits for a line until the process ends; nothing depends on it.
             std::thread::spawn(move || {
-                for line in std::io::stdin().lock().split(b'\n').map_while(Result::ok) {
-                    // A byte that is no UTF-8 makes nobody deaf to what comes after it.
-                    let word = String::from_utf8_lossy(&line).trim().to_ascii_lowercase();
-                    if word == "q" {
-                        typed.quit.store(true, Ordering::Release);
-                    } else if word == "r" {
-                        typed.reset.store(true, Ordering::Release);
-                    } else if word == "g" {
-                        typed.agrees.store(true, Ordering::Release);
-                    } else if sender.send(word).is_err() {
-                        // Nobody is left who would read it.
-                        return;
-                    }
-                }
+                let note = Mutex::default();
+                hand_on_typed(
+                    || Typist::of_keys(b"qQrRgG"),
+                    &typed.by_keys,
+                    &note,
+                    |line| {
+                        let word = line.trim().to_ascii_lowercase();
+                        let flag = match &*word {
+                            "q" => &typed.quit,
+                            "r" => &typed.reset,
+                            "g" => &typed.agrees,
+                            // Once nobody is left who would read it, that is the end.
+                            _ => return sender.send(word).is_ok(),
+                        };
+                        flag.store(true, Ordering::Release);
+                        true
+                    },
+                );
             });
         }
         let lines = Arc::new(Mutex::new(lines));
@@ -72,14 +90,21 @@ impl Operator {
             follows: Mutex::default(),
             typed,
             lines,
+            keys: Mutex::default(),
             is_shared: false,
             is_at_terminal,
+            tell: say,
         }
     }
 
-    /// Somebody whose lines are read elsewhere, and are this one's to answer for now.
+    /// Somebody whose lines are read elsewhere, and are this one's to answer for now; `is_document`: standard output is kept for
+    /// a document.
     #[must_use]
-    pub fn sharing(signals: Signals, lines: Arc<Mutex<Receiver<String>>>) -> Self {
+    pub fn sharing(
+        signals: Signals,
+        lines: Arc<Mutex<Receiver<String>>>,
+        is_document: bool,
+    ) -> Self {
         Self {
             signals,
             remarks: Remarks::default(),
@@ -88,8 +113,21 @@ impl Operator {
             follows: Mutex::default(),
             typed: Arc::default(),
             lines,
+            keys: Mutex::default(),
             is_shared: true,
             is_at_terminal: true,
+            tell: if is_document { say } else { say_there },
+        }
+    }
+
+    /// From now on keys count as they are pressed: whoever sees a robot move should not have to look for Enter.
+    fn press_keys(&self) {
+        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.is_at_terminal && !self.is_shared && keys.is_none() {
+            // What was typed and not ended before meant nothing that comes now.
+            let _ = tcflush(stdin(), QueueSelector::IFlush);
+            *keys = Keys::hold(false);
+            self.typed.by_keys.store(keys.is_some(), Ordering::Release);
         }
     }
 
@@ -128,7 +166,7 @@ impl Person for Operator {
         }
         // What comes after this is for whoever looks at a page.
         if !matches!(cue, Cue::Next(_)) {
-            self.status.above(|| say(&cues::of(&cue)));
+            self.status.above(|| (self.tell)(&cues::of(&cue)));
         }
     }
 
@@ -163,9 +201,11 @@ impl Observer for Operator {
             Event::Note(text) => self.status.say(text),
             Event::Following => {
                 *self.follows.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
-                self.status.say("following; Ctrl-C, or q and Enter, brings the robot to rest");
+                self.press_keys();
+                self.status.say("following; Ctrl-C or q brings the robot to rest");
             }
             Event::Angles { angles, worn } => {
+                self.press_keys();
                 let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
                 shown.show(angles, worn, self.remarks);
             }
@@ -187,7 +227,7 @@ impl Observer for Operator {
         self.remarks.shows_progress()
     }
 
-    /// A signal, or q and Enter.
+    /// A signal, or q.
     fn wants_to_stop(&self) -> bool {
         self.is_to_end()
     }

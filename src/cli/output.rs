@@ -83,7 +83,10 @@ pub fn is_unread() -> bool {
 }
 
 fn put(text: &str) -> Result<(), Untold> {
-    let mut out = std::io::stdout().lock();
+    to(&mut std::io::stdout().lock(), text)
+}
+
+fn to(out: &mut impl Write, text: &str) -> Result<(), Untold> {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|cause| match cause.kind() {
         io::ErrorKind::BrokenPipe => Untold::Unwanted,
         _ => Untold::Failed(cause.to_string()),
@@ -96,9 +99,12 @@ pub fn say(text: &str) {
     let _ = std::io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }
 
-/// Asks, the answer to stand on the same line.
-pub fn prompt(question: &str) {
-    let _ = std::io::stderr().lock().write_all(visible(question).as_bytes());
+/// Asks on standard error, the answer to stand on the same line.
+///
+/// # Errors
+/// As [`print()`].
+pub fn prompt(question: &str) -> Result<(), Untold> {
+    to(&mut std::io::stderr().lock(), &visible(question))
 }
 
 /// Says a table over the last `lines` lines of standard error, a terminal.
@@ -145,9 +151,13 @@ const PAINTED: [(&str, Style); 9] = [
 /// A text in the colours of whoever reads it: none unless that is a terminal that has them, and its user did not set
 /// `NO_COLOR` (<https://no-color.org>).
 fn painted(text: Cow<'_, str>, to: impl AsFd) -> Cow<'_, str> {
-    let is_set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
-    let is_plain = is_set("NO_COLOR").is_some() || is_set("TERM").is_none_or(|of| of == "dumb");
-    if is_plain || !isatty(to) { text } else { Cow::Owned(in_colours(&text)) }
+    let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    if no_colour || !knows_commands() || !isatty(to) { text } else { Cow::Owned(in_colours(&text)) }
+}
+
+/// True unless nobody knows what kind of terminal it is, or it is one that shows only what it is told.
+pub fn knows_commands() -> bool {
+    std::env::var_os("TERM").is_some_and(|of| !of.is_empty() && of != "dumb")
 }
 
 fn in_colours(text: &str) -> String {
@@ -242,7 +252,7 @@ impl Remarks {
     /// True if a progress bar may be shown.
     #[must_use]
     pub fn shows_progress(self) -> bool {
-        !self.quiet && isatty(rustix::stdio::stderr())
+        !self.quiet && isatty(rustix::stdio::stderr()) && knows_commands()
     }
 }
 

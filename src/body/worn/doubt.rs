@@ -62,7 +62,7 @@ impl Why {
             Self::Jolt => "it is jolted as nobody can move",
             Self::Gravity => "what it measures of gravity is not down, nor what the others measure",
             Self::Range => {
-                "the joint does not go so far; if it is the heading, N pose, r and Enter mend it"
+                "the joint does not go so far; if it is the heading, N pose and r mend it"
             }
         }
     }
@@ -92,7 +92,7 @@ impl DoubtChange {
         match self.doubted {
             Some(why) => format!("the sensor on the {segment} is doubted: {}", why.words()),
             None if self.heading_lost => format!(
-                "the {segment} is followed again, slowly; its heading is a guess: stand in N pose, r and Enter"
+                "the {segment} is followed again, slowly; its heading is a guess: stand in N pose and press r"
             ),
             None => format!("the {segment} is followed again, slowly"),
         }

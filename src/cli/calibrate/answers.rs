@@ -68,7 +68,7 @@ impl Person for Answers {
         if !std::io::stdin().is_terminal() {
             return Consent::No;
         }
-        prompt(&limp::question(robot));
+        let _ = prompt(&limp::question(robot));
         loop {
             if self.wants_to_stop() {
                 return Consent::Stop;

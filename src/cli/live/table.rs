@@ -2,9 +2,10 @@
 
 use crate::body::{Dof, JointAngles, Segment};
 use crate::cli::Remarks;
-use crate::cli::output::say_over;
+use crate::cli::output::{knows_commands, say_over};
+use rustix::stdio::stderr;
+use rustix::termios::tcgetwinsize;
 use std::fmt::Write;
-use std::io::IsTerminal;
 
 /// The angles that place each segment on the one that carries it.
 const ROWS: [(Segment, &[Dof]); 12] = [
@@ -41,8 +42,8 @@ pub struct Shown {
 impl Shown {
     /// Shows the angles of a moment.
     pub fn show(&mut self, angles: &JointAngles, worn: &[bool; 13], remarks: Remarks) {
-        if std::io::stderr().is_terminal() {
-            let text = text(angles, worn);
+        if let Some(columns) = table_columns() {
+            let text = cut(&text(angles, worn), columns);
             say_over(self.lines, &text);
             self.lines = text.lines().count();
         } else if self.tables.is_multiple_of(LINE_EVERY) {
@@ -50,6 +51,21 @@ impl Shown {
         }
         self.tables += 1;
     }
+}
+
+/// How wide a terminal is on which the table can be written over and over; `None`: standard error is none, or too low.
+fn table_columns() -> Option<usize> {
+    let size = tcgetwinsize(stderr()).ok().filter(|_| knows_commands())?;
+    // Of some terminals nobody knows how large they are.
+    let is_high = size.ws_row == 0 || usize::from(size.ws_row) > ROWS.len();
+    is_high.then(|| if size.ws_col == 0 { 80 } else { size.ws_col.into() })
+}
+
+/// So much of each line as is seen: one that goes on below would not be written over.
+fn cut(text: &str, columns: usize) -> String {
+    let line =
+        |line: &str| line.chars().take(columns.saturating_sub(1)).chain(['\n']).collect::<String>();
+    text.lines().map(line).collect()
 }
 
 /// One line per segment: its angles in degrees, and whether a sensor says so.
@@ -78,6 +94,17 @@ fn line(angles: &JointAngles) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_line_is_longer_than_the_window_and_none_is_left_out() {
+        let whole = text(&JointAngles::default(), &[true; 13]);
+        assert!(whole.lines().any(|line| line.len() > 100));
+        let cut = cut(&whole, 80);
+        assert_eq!(cut.lines().count(), ROWS.len());
+        let all = cut.lines().zip(whole.lines());
+        assert!(all.clone().all(|(cut, whole)| whole.starts_with(cut)));
+        assert_eq!(all.map(|(cut, _)| cut.len()).max(), Some(79));
+    }
 
     #[test]
     fn every_angle_is_in_the_table_once_and_what_is_not_worn_is_marked() {

@@ -80,7 +80,7 @@ pub fn set_up_all(args: &SetUpArgs, remarks: Remarks) -> Result<i32, Error> {
     };
     let mut answers = Answers::listen(signals.clone())?;
     let mut ask = |task: SetUpTask<'_>| loop {
-        prompt(&set_up_question(task));
+        let _ = prompt(&set_up_question(task));
         match answers.line().map(|line| set_up_answered(&line)) {
             Some(Some(answer)) => return answer,
             Some(None) => {}

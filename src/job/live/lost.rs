@@ -91,15 +91,15 @@ pub fn words(limb: WornLimb, change: LimbChange) -> String {
             segment_words(segment)
         ),
         LimbChange::Speaks => format!(
-            "all sensors of the {name} speak again; it rests until their headings are mended: stand in N pose, r and Enter"
+            "all sensors of the {name} speak again; it rests until their headings are mended: stand in N pose and press r"
         ),
         LimbChange::Mended => {
-            format!("the {name} can be followed again, slowly: g and Enter, if that is right")
+            format!("the {name} can be followed again, slowly: press g if that is right")
         }
         LimbChange::Followed => format!("the {name} is followed again, slowly"),
         LimbChange::StillLost => format!("the {name} still rests: not all its sensors speak"),
         LimbChange::NotMended => {
-            format!("the {name} still rests: first stand in N pose, r and Enter, then g and Enter")
+            format!("the {name} still rests: first stand in N pose and press r, then g")
         }
     }
 }

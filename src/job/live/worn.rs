@@ -758,8 +758,8 @@ impl<'a> Body<'a> {
                 continue;
             }
             self.tell(format!(
-                "the sensor on the {} began anew, its heading is a guess: stand in N pose, r and \
-                 Enter",
+                "the sensor on the {} began anew, its heading is a guess: stand in N pose and \
+                 press r",
                 words(segment)
             ));
         }
@@ -767,7 +767,7 @@ impl<'a> Body<'a> {
         let mends = asked && self.calm.moving().is_none();
         if let Some(segment) = self.calm.moving().filter(|_| asked) {
             self.tell(format!(
-                "headings are not mended: the {} moves; stand still in N pose, then r and Enter",
+                "headings are not mended: the {} moves; stand still in N pose, then press r",
                 words(segment)
             ));
         }
