@@ -26,6 +26,7 @@ use person::{Act, Person, STATURE_M};
 use program::json;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::Path;
+use std::process::Stdio;
 use std::sync::Arc;
 
 const PLAN: &str = r#"
@@ -216,13 +217,55 @@ fn a_session_can_be_interrupted_or_told_by_a_script_and_keeps_what_was_done() {
     std::fs::write(folder.join("same.toml"), same).expect("a plan");
     let (code, said) = go_on("--plan=same.toml");
     assert!(code == Some(4) && said.contains("going on where it was"), "{said}");
+    a_session_of_which_a_document_is_wanted_or_nothing_is_seen(&folder);
     // Refused is a folder that is somebody else's.
     let (code, said) = told(&["--session".into(), ".".into(), begin[2].clone()], "");
     assert!(code == Some(1) && said.contains("holds something else"), "{said}");
     let (code, said) = told(&["--session".into(), "new".into()], "");
     assert!(code == Some(1) && said.contains("a session needs sensors"), "{said}");
     assert!(!folder.join("new").exists(), "a name mistyped makes no folder");
+    // All ports that are not there are told, and nothing is left of the try.
+    let two = ["torso=imu:arduino-csv@/dev/no-a", "head=imu:arduino-csv@/dev/no-b"];
+    let try_in =
+        |lab: &str| told(&["--session".into(), lab.into(), two[0].into(), two[1].into()], "");
+    let (code, said) = try_in("new");
+    assert!(code == Some(1) && said.contains("/dev/no-a") && said.contains("/dev/no-b"), "{said}");
+    assert!(!folder.join("new").exists());
+    std::fs::create_dir(folder.join("empty")).expect("a folder");
+    assert_eq!(try_in("empty").0, Some(1));
+    let left = std::fs::read_dir(folder.join("empty")).expect("it stays").count();
+    assert_eq!(left, 0, "a folder that was there is as it was");
     person.is_left();
+}
+
+/// Standard output is the document's, however the session ends; and nobody is asked what they do not see.
+fn a_session_of_which_a_document_is_wanted_or_nothing_is_seen(folder: &Path) {
+    let record = |more: &[&str]| {
+        let mut record = crate::program::gaitway();
+        record.current_dir(folder).args(["record", "--session", "lab"]).args(more);
+        record
+    };
+    let output = record(&["--json"]).stdin(Stdio::null()).output().expect("the command");
+    let report = json(&output);
+    assert_eq!((&report["outcome"], output.status.code()), (&"stopped".into(), Some(4)));
+    assert_eq!((&report["session"], &report["trials"]), (&"lab".into(), &0.into()), "{report}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        said.contains("going on where it was") && said.contains("Do they lie still?"),
+        "{said}"
+    );
+
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("there");
+    let mut unseen = record(&[]);
+    unseen.stdin(Stdio::piped()).stdout(full).stderr(Stdio::piped());
+    let mut unseen = unseen.spawn().expect("the command");
+    // Somebody who could answer, and waits.
+    let answers = unseen.stdin.take();
+    let output = unseen.wait_with_output().expect("it ends");
+    drop(answers);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("a question could not be asked: the session ends here"), "{said}");
+    assert_eq!(output.status.code(), Some(4), "{said}");
 }
 
 /// Trackers name themselves; who wears which is said.
@@ -286,7 +329,14 @@ fn kept_trial(operator: &mut Dialogue, person: &Person) {
     operator.expect("1 good, 0 bad");
     operator.say("x");
     operator.expect("1 good, 1 bad");
-    operator.say("the phone rang");
+    // How it goes stands below what is said, what is typed as well.
+    operator.expect("a dot ends it; last mark at");
+    operator.expect("torso");
+    operator.expect("/s");
+    operator.press("the phone");
+    operator.expect("note: the phone");
+    operator.say(" rang");
+    operator.expect("1 good, 1 bad; note: the phone rang");
     person.stands();
     passes(0.6);
     operator.say(".");

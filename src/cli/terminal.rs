@@ -46,12 +46,8 @@ impl<'a> Terminal<'a> {
 
     /// Shows how a recording goes.
     fn show(&self, now: &RecordingNow) {
-        let mut text = now.words();
-        let note = self.typed.lock().unwrap_or_else(PoisonError::into_inner);
-        if !note.is_empty() {
-            text += &format!("\n  note: {note}");
-        }
-        self.status.show(&text);
+        let note = self.typed.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        self.status.show(&RecordingNow { note, ..now.clone() }.words());
     }
 
     /// Shows a bar until all steps are done.

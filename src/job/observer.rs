@@ -1,6 +1,6 @@
 //! Whoever a job is done for: hears what happens, and may want it to end.
 
-use super::heard::SensorNow;
+use super::heard::{SensorNow, row};
 use super::recognised::RecognitionEvent;
 use crate::body::{JointAngles, SegmentPose};
 use crate::device::{Health, JointState};
@@ -46,12 +46,16 @@ pub struct RecordingNow {
     pub time_s: f64,
     /// How long it is to be, s, if that is known.
     pub of_s: Option<f64>,
+    /// What ends it before, in words.
+    pub ended_by: &'static str,
     /// Source by source, in the order in which they were opened.
     pub sources: Vec<SensorNow>,
     /// Messages that the disk was too slow for.
     pub dropped: u64,
     /// When the last mark was set, s, and its text.
     pub mark: Option<(f64, String)>,
+    /// The note that is typed and not ended yet.
+    pub note: String,
 }
 
 /// Of a mark so many letters are shown while it is recorded: the status is redrawn all the time.
@@ -63,7 +67,7 @@ impl RecordingNow {
     pub fn words(&self) -> String {
         let mut text = match self.of_s {
             Some(of_s) => format!("{:.0} of {of_s:.0} s", self.time_s),
-            None => format!("{:.0} s; Ctrl-C ends it", self.time_s),
+            None => format!("{:.0} s; {} ends it", self.time_s, self.ended_by),
         };
         if let Some((at_s, words)) = &self.mark {
             let mut shown: String = words.chars().take(MARK_SHOWN).collect();
@@ -71,6 +75,10 @@ impl RecordingNow {
                 shown.push('\u{2026}');
             }
             let _ = write!(text, "; last mark at {at_s:.1} s: {shown}");
+        }
+        // Above the sources: where a window is too low, the last lines are not seen.
+        if !self.note.is_empty() {
+            let _ = write!(text, "\n  note: {}", self.note);
         }
         for source in &self.sources {
             let rate_hz = source.rate_hz;
@@ -80,12 +88,22 @@ impl RecordingNow {
             };
             let battery = source.battery.map(|level| format!(", battery {:.0} %", level * 100.0));
             let battery = battery.unwrap_or_default();
-            let gone = if source.gone.is_some() { ", gone" } else { "" };
+            let signal = source.signal_dbm.map(|dbm| format!(", receives {dbm} dBm"));
+            let signal = signal.unwrap_or_default();
+            // Why it is gone was said when it went.
+            let silent = match source.gone {
+                Some(_) => "gone".to_owned(),
+                None => row(source).silent,
+            };
+            let silent = if silent.is_empty() { silent } else { format!(", {silent}") };
             let usual_hz = source.usual_rate_hz;
             let profile = source.own_rate_hz.map(|_| format!(" (its profile says {usual_hz})"));
             let profile = profile.unwrap_or_default();
             let name = &source.name;
-            let _ = write!(text, "\n  {name:<16} {rate_hz:.0}/s{profile}{lost}{battery}{gone}");
+            let _ = write!(
+                text,
+                "\n  {name:<16} {rate_hz:.0}/s{profile}{lost}{battery}{signal}{silent}"
+            );
         }
         text
     }
@@ -347,6 +365,48 @@ impl Snapshot {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_line_tells_of_each_source_what_it_tells_of_itself() {
+        let sensor = |name: &str, battery, signal_dbm, gone: Option<&str>| SensorNow {
+            name: name.to_owned(),
+            rate_hz: 99.6,
+            usual_rate_hz: 100.0,
+            own_rate_hz: None,
+            samples: 400,
+            missed: 3,
+            silent_s: Some(0.0),
+            stuck: false,
+            battery,
+            signal_dbm,
+            gone: gone.map(str::to_owned),
+        };
+        let now = RecordingNow {
+            time_s: 4.0,
+            of_s: None,
+            ended_by: "a dot",
+            sources: vec![
+                sensor("head", Some(0.81), Some(-61), None),
+                sensor("torso", None, None, Some("pulled out")),
+                SensorNow {
+                    rate_hz: 0.0,
+                    silent_s: Some(2.6),
+                    ..sensor("pelvis", None, None, None)
+                },
+            ],
+            dropped: 0,
+            mark: Some((2.5, "2 good, 0 bad".to_owned())),
+            note: "the pho".to_owned(),
+        };
+        let lines = [
+            "4 s; a dot ends it; last mark at 2.5 s: 2 good, 0 bad",
+            "  note: the pho",
+            "  head             100/s, 3 missing, battery 81 %, receives -61 dBm",
+            "  torso            100/s, 3 missing, gone",
+            "  pelvis           0/s, 3 missing, silent for 3 s",
+        ];
+        assert_eq!(now.words(), lines.join("\n"));
+    }
 
     #[test]
     fn a_snapshot_has_the_newest_of_each_joint_and_gaps_where_nothing_was_read() {

@@ -12,6 +12,8 @@ mod happening;
 mod judge;
 mod looking;
 mod notice;
+#[cfg(test)]
+mod obliging;
 mod operator;
 mod order;
 mod panel;
@@ -36,17 +38,18 @@ use crate::capture::Mode;
 use crate::error::{Error, ErrorKind};
 use crate::job::report::Outcome;
 use crate::recording::SampleEncoding;
-use crate::sensing::{Ended, Hub, Intake, Opened, SensingEvent, Source, StopAtEnd, wall_clock};
+use crate::sensing::{Ended, Hub, Intake, Opened, SensingEvent, StopAtEnd, wall_clock};
 use crate::session::{Folder, Plan, Progress, SessionFile, Step};
 use looking::Looking;
 use notice::WithNotice;
-use order::Worn;
+use order::{Straps, Worn};
 use setup::Given;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// A session of which something is left to be done: its folder is taken, its sensors are open.
 pub struct Session {
-    folder: Folder,
+    folder: Arc<Folder>,
     progress: Progress,
     given: Given,
     known: Vec<Subject>,
@@ -77,7 +80,19 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     }
     let (order, forward) = order.with_files()?;
     order.check_sensors()?;
-    let folder = Folder::open(&order.folder)?;
+    let root = order.folder.clone();
+    let is_there = root.exists();
+    let folder = Arc::new(Folder::open(&root)?);
+    opened_in(Arc::clone(&folder), order, forward)
+        .inspect_err(|_| folder.take_away_unused(is_there))
+}
+
+/// The same, once its folder is taken.
+fn opened_in(
+    folder: Arc<Folder>,
+    order: SessionOrder,
+    forward: Straps,
+) -> Result<SessionState, Error> {
     let progress = Progress::read(&folder)?;
     if progress.finished {
         let report = SessionReport::of(Outcome::Done, &folder, &progress);
@@ -91,8 +106,18 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     let worn = order::sensors(&sources, &wear)?;
     order::check_names(&worn, begun)?;
     let heard: Vec<String> = worn.iter().map(|worn| worn.heard.clone()).collect();
-    let open = |source: &Source| source.open(&heard);
-    let opened = sources.iter().map(open).collect::<Result<Vec<_>, Error>>()?;
+    let (mut opened, mut refused) = (Vec::new(), Vec::new());
+    for source in &sources {
+        match source.open(&heard) {
+            Ok(one) => opened.push(one),
+            Err(error) => refused.push(error),
+        }
+    }
+    // All that cannot be opened, so that nobody has to try once for each.
+    let mut refused = refused.into_iter();
+    if let Some(first) = refused.next() {
+        return Err(Error { also: refused.collect(), ..first });
+    }
     let nine = begun.map_or(order.magnetometer, |begun| begun.magnetometer);
     let mode = if nine { Mode::NineAxes } else { Mode::SixAxes };
     let given = Given {

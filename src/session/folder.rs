@@ -51,6 +51,22 @@ impl Folder {
         Ok(Self { root: root.to_owned(), _lock: lock })
     }
 
+    /// Takes away again what [`Self::open`] made in a folder in which no session was begun, and the folder if it was not there before.
+    pub fn take_away_unused(&self, was_there: bool) {
+        let root = &self.root;
+        if root.join("session.toml").symlink_metadata().is_ok() {
+            return;
+        }
+        // What has something in it stays.
+        for room in ROOMS {
+            let _ = fs::remove_dir(root.join(room));
+        }
+        let _ = fs::remove_file(root.join(LOCK));
+        if !was_there {
+            let _ = fs::remove_dir(root);
+        }
+    }
+
     /// Where it is.
     #[must_use]
     pub fn root(&self) -> &Path {

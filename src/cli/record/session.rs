@@ -47,7 +47,7 @@ pub fn run(
         }
     };
     let view = args.view.open_session(root)?;
-    let console = Console::listen(signals.clone(), remarks)?;
+    let console = Console::listen(signals.clone(), remarks, args.output.is_json())?;
     let on_page = view.as_ref().map(|view| OnPage::new(&console, view));
     let operator = on_page.as_ref().map_or(&console as &dyn Operator, |on_page| on_page);
     let on = format!("to go on: gaitway record --session {}", root.display());
@@ -55,9 +55,13 @@ pub fn run(
         .lead(operator)
         .inspect_err(|_| console.say(&format!("\nwhat was done is kept; {on}")))?;
     if report.outcome == Outcome::Stopped {
-        console.say(&format!("\nstopped; {on}"));
         // A signal tells more than that somebody stopped.
-        return Ok(signals.first().map_or(report.outcome.exit_code(), |number| 128 + number));
+        let code = signals.first().map_or(report.outcome.exit_code(), |number| 128 + number);
+        let text = format!("\nstopped; {on}\n");
+        if args.output.is_json() {
+            console.say(text.trim_end());
+        }
+        return Ok(args.output.conclude(&report, &text, Deed::Work, code));
     }
     Ok(conclude(args, &report))
 }

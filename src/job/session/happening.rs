@@ -89,6 +89,8 @@ pub enum Happening<'a> {
         /// Good repetitions wanted.
         wanted: u32,
     },
+    /// No figure shows how the action is done; told on a thread of its own.
+    NotShown(&'a Error),
     /// A trial is recorded from now on.
     Recording {
         /// Name of the trial.
@@ -96,6 +98,8 @@ pub enum Happening<'a> {
     },
     /// A mark was taken.
     Marked {
+        /// The words of a note; `None`: a repetition.
+        note: Option<&'a str>,
         /// Good repetitions that were marked so far.
         good: u32,
         /// Bad ones.

@@ -316,86 +316,9 @@ impl Operator for WithNotice<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::session::obliging::Yes;
     use crate::session::now::Now;
     use std::path::PathBuf;
-
-    /// Says yes to everything, and notes what it hears.
-    #[derive(Default)]
-    struct Yes(Mutex<Vec<String>>);
-
-    impl Person for Yes {
-        fn tell(&self, _: Cue<'_>) {}
-
-        fn answer(&self) -> Option<Answer> {
-            None
-        }
-
-        fn can_answer(&self) -> bool {
-            true
-        }
-
-        fn wants_to_stop(&self) -> bool {
-            false
-        }
-    }
-
-    impl Operator for Yes {
-        fn person(&self) -> &dyn Person {
-            self
-        }
-
-        fn hear(&self, happening: Happening<'_>) {
-            self.0.lock().expect("whole").push(told(&happening));
-        }
-
-        fn ready(&self, _: Ready<'_>) -> Answered<()> {
-            Ok(())
-        }
-
-        fn words(&self, _: Words<'_>) -> Answered<String> {
-            Ok(String::new())
-        }
-
-        fn actions(&self) -> Answered<Vec<String>> {
-            Ok(Vec::new())
-        }
-
-        fn needed_measure(&self, _: Measure) -> Answered<f64> {
-            Ok(1.7)
-        }
-
-        fn measure(&self, _: Measure) -> Answered<MeasureAnswer> {
-            Ok(MeasureAnswer::NothingMore)
-        }
-
-        fn is_right(&self, _: Doubt<'_>) -> Answered<bool> {
-            Ok(true)
-        }
-
-        fn unsteady(&self) -> Answered<Unsteady> {
-            Ok(Unsteady::Repeat)
-        }
-
-        fn mend(&self, _: &Error) -> Answered<Mend> {
-            Ok(Mend::Again)
-        }
-
-        fn judge(&self, _: Judged<'_>, usual: Verdict) -> Answered<Verdict> {
-            Ok(usual)
-        }
-
-        fn wish(&self, _: &str) -> Answered<Wish> {
-            Ok(Wish::Record)
-        }
-
-        fn during_trial(&self, _: Duration) -> Answered<During> {
-            Ok(During::End)
-        }
-
-        fn repetitions(&self, marked: usize) -> Answered<Repetitions> {
-            Ok(Repetitions::try_from(marked).expect("few"))
-        }
-    }
 
     fn folder(name: &str) -> PathBuf {
         let root =
@@ -482,7 +405,7 @@ mod tests {
         person.tell(Cue::NPose);
         assert_eq!(asked(), (NowWanted::NPose, 1, vec!["s02".to_owned()]));
         with.hear(Happening::Recording { trial: "bow-01" });
-        with.hear(Happening::Marked { good: 1, bad: 2, time_s: 1.0 });
+        with.hear(Happening::Marked { note: None, good: 1, bad: 2, time_s: 1.0 });
         let action = now().action.expect("an action");
         assert!(now().recording);
         assert_eq!((action.name.as_str(), action.trial.as_deref()), ("bow", Some("bow-01")));

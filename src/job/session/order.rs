@@ -46,7 +46,7 @@ pub(super) struct Worn {
 type Wear = BTreeMap<String, String>;
 
 /// What of a sensor points forward, by the name it goes by here, where that is not X.
-type Straps = BTreeMap<String, StrapDirection>;
+pub(super) type Straps = BTreeMap<String, StrapDirection>;
 
 impl SessionOrder {
     /// The same with what files of `--wear` say: sources, trackers, and how they were strapped on.

@@ -249,12 +249,7 @@ impl OnPage<'_> {
     fn show(&self, motion: &str, answered: &AtomicBool) {
         let figure = match Demonstration::of(motion) {
             Ok(figure) => figure,
-            Err(error) => {
-                self.change(|told, _| {
-                    told.remark(&format!("Nothing shows how it is done: {error}"))
-                });
-                return;
-            }
+            Err(error) => return self.hear(Happening::NotShown(&error)),
         };
         let words =
             format!("The figure shows how it is done: {motion}, {:.1} s.", figure.lasts_s());
@@ -360,5 +355,24 @@ impl Operator for OnPage<'_> {
 
     fn repetitions(&self, marked: usize) -> Answered<Repetitions> {
         self.asked(&Asking::repetitions(marked), || self.operator.repetitions(marked))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::session::obliging::Yes;
+
+    /// A session that goes on later may find it gone.
+    #[test]
+    fn a_motion_that_cannot_be_shown_is_told_to_the_operator_as_well() {
+        let view = LiveView::serving(String::new(), 0).expect("served");
+        let operator = Yes::default();
+        let on_page = OnPage::new(&operator, &view);
+        on_page.told().shown_by = Some("/nowhere/lift.bvh".to_owned());
+        assert_eq!(on_page.shown(|| 7), 7);
+        let said = "Nothing shows how it is done: no such file: /nowhere/lift.bvh";
+        assert_eq!(on_page.told().panel.remark, said);
+        assert_eq!(operator.0.into_inner().expect("whole"), [said]);
     }
 }

@@ -12,15 +12,55 @@ use crate::job::record::DISK_PATIENCE;
 use crate::recording::{
     Marker, RecordedSource, Recorder, RunEnd, RunStart, SourceId, SourceKind, SourceRecord,
 };
-use crate::sensing::{Clock, Ended, MonotonicClock};
+use crate::sensing::{Clock, Ended, HeardSensor, MonotonicClock};
 use crate::session::PlannedAction;
 use crate::session::files::{BODY_KEY, LEGS_KEY, STATURE_KEY, trial_name};
-use crate::time::Duration;
+use crate::session::wearers::wearer;
+use crate::time::{Duration, Instant};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How often it is looked at the disk and the sensors while nothing is said.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// A sensor that said nothing for so long is gone: of a tracker without a wire nothing else tells.
+const MOST_SILENT: Duration = Duration::from_secs(3);
+
+/// How sensors have been silent, while somebody looked.
+#[derive(Default)]
+struct Silences(BTreeMap<Arc<str>, Silence>);
+
+/// How a sensor has been silent; for no time unless it has spoken since somebody looked first.
+struct Silence {
+    last: Option<Instant>,
+    silent: Option<Duration>,
+}
+
+impl Silences {
+    /// A look, so long after the one before; who has said nothing for [`MOST_SILENT`].
+    fn look(
+        &mut self,
+        heard: impl Iterator<Item = (Arc<str>, HeardSensor)>,
+        after: Duration,
+    ) -> Option<Arc<str>> {
+        // While the host stood, nobody could hear anybody.
+        let after = after.min(2 * LOOK);
+        let mut gone = None;
+        for (name, sensor) in heard {
+            let begun = Silence { last: sensor.last, silent: None };
+            let of = self.0.entry(Arc::clone(&name)).or_insert(begun);
+            of.silent = match of.last == sensor.last {
+                true => of.silent.map(|silent| silent + after),
+                false => Some(Duration::ZERO),
+            };
+            of.last = sensor.last;
+            if of.silent.is_some_and(|silent| silent >= MOST_SILENT) {
+                gone.get_or_insert(name);
+            }
+        }
+        gone
+    }
+}
 
 /// One subject's recording, and where its marks go.
 type Part = (Arc<Recorder>, SourceId);
@@ -113,11 +153,12 @@ fn record(
         });
         parts.push((recorder, marks));
     }
-    for (id, (recorder, _)) in subjects.iter().zip(&parts) {
-        job.hub.begin_part(job.number_of(id), Arc::clone(recorder));
+    let by: Vec<usize> = subjects.iter().map(|id| job.number_of(id)).collect();
+    for (by, (recorder, _)) in by.iter().zip(&parts) {
+        job.hub.begin_part(*by, Arc::clone(recorder));
     }
     job.operator.hear(Happening::Recording { trial: name });
-    let ended = listen(job, &parts);
+    let ended = listen(job, &parts, &by);
     job.hub.end_parts();
     let outcome = if ended.is_ok() { "done" } else { "stopped" };
     let mut whole = true;
@@ -175,12 +216,13 @@ fn start(
     })
 }
 
-/// Takes marks until the end.
-fn listen(job: &Job, parts: &[Part]) -> Answered<()> {
+/// Takes marks until the end; `by`: who does it, by number.
+fn listen(job: &Job, parts: &[Part], by: &[usize]) -> Answered<()> {
     let operator = job.operator;
     let gone = job.hub.gone();
     let (mut good, mut bad) = (0, 0);
     let began = MonotonicClock.now();
+    let (mut silences, mut looked) = (Silences::default(), began);
     loop {
         let said = operator.during_trial(LOOK)?;
         let at = MonotonicClock.now();
@@ -192,6 +234,17 @@ fn listen(job: &Job, parts: &[Part]) -> Answered<()> {
             operator.hear(Happening::CutShort(CutShort::Sensor { name, why }));
             return Ok(());
         }
+        // Whoever does something else just now may have switched off theirs.
+        let here = job.hub.heard().into_iter();
+        let here = here.filter(|(name, _)| by.contains(&wearer(name).map_or(0, |(by, _)| by)));
+        let silent = silences.look(here, at.since(looked));
+        looked = at;
+        if let Some(name) = silent {
+            let why = "it has said nothing for 3 s";
+            operator.hear(Happening::CutShort(CutShort::Sensor { name: &name, why }));
+            return Ok(());
+        }
+        let mut note = None;
         let text = match said {
             During::Nothing => continue,
             During::End => return Ok(()),
@@ -203,13 +256,40 @@ fn listen(job: &Job, parts: &[Part]) -> Answered<()> {
                 bad += 1;
                 BAD.to_owned()
             }
-            During::Mark(Mark::Note(words)) => words,
+            During::Mark(Mark::Note(words)) => note.insert(words).clone(),
         };
         for (recorder, marks) in parts {
             let marker = Marker { at, text: text.clone() };
             recorder.take_record(*marks, SourceRecord::Mark(marker));
         }
         let time_s = at.seconds_since(began);
-        operator.hear(Happening::Marked { good, bad, time_s });
+        operator.hear(Happening::Marked { note: note.as_deref(), good, bad, time_s });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_says_nothing_for_three_seconds_is_gone_and_nobody_is_while_the_host_stands() {
+        let at = |tenths: u64| Instant::from_nanos((1 + tenths) * 100_000_000);
+        let heard = |head: u64, torso: u64| {
+            let of = |name: &str, last: u64| {
+                (name.into(), HeardSensor { last: Some(at(last)), ..HeardSensor::default() })
+            };
+            // One of whom nothing was heard before is missed by nobody.
+            [of("head", head), of("torso", torso), of("pelvis", 0)].into_iter()
+        };
+        let tenth = Duration::from_millis(100);
+        let mut silences = Silences::default();
+        // A computer that slept for a minute finds all as it left them.
+        assert_eq!(silences.look(heard(0, 0), tenth), None);
+        assert_eq!(silences.look(heard(0, 0), 600 * tenth), None);
+        for now in 1..=30 {
+            let gone = silences.look(heard(now, 1), tenth);
+            assert_eq!(gone, None, "torso is silent for {} tenths", now - 1);
+        }
+        assert_eq!(silences.look(heard(31, 1), tenth).as_deref(), Some("torso"));
     }
 }

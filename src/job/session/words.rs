@@ -275,6 +275,7 @@ pub fn told(happening: &Happening<'_>) -> String {
                 .to_owned()
         }
         Happening::Refused(error) | Happening::Unreadable(error) => format!("! {error}"),
+        Happening::NotShown(error) => format!("Nothing shows how it is done: {error}"),
         Happening::Measures { subject } => format!(
             "\nSubject {subject}. Measures; Enter alone: not measured; a dot: nothing more is \
              measured; back: the question before. Only the stature is needed."
@@ -317,8 +318,9 @@ pub fn told(happening: &Happening<'_>) -> String {
             "RECORDING {trial}. Enter or space: a good repetition is done; x: a bad one; a dot: the end; other words and \
              Enter: a note"
         ),
-        Happening::Marked { good, bad, time_s } => {
-            format!("  {time_s:.1} s: {good} good, {bad} bad")
+        Happening::Marked { note, good, bad, time_s } => {
+            let note = note.map_or_else(String::new, |note| format!("; note: {note}"));
+            format!("  {time_s:.1} s: {good} good, {bad} bad{note}")
         }
         Happening::CutShort(CutShort::Disk { cause }) => {
             format!("! it ends here, the disk fails: {cause}")

@@ -27,16 +27,27 @@ impl Operator for Console {
 
     fn hear(&self, happening: Happening<'_>) {
         let text = told(&happening);
-        if matches!(happening, Happening::Recording { .. }) {
-            self.press_keys(true);
-            self.forget_typed();
+        match happening {
+            Happening::Recording { .. } => self.begin_trial(),
+            Happening::Marked { time_s, .. } => {
+                // Its time stands before it already.
+                let words = text.split_once(": ").map_or(&*text, |(_, words)| words);
+                self.marked(time_s, words);
+            }
+            Happening::CutShort(_) => self.end_trial(),
+            _ => {}
         }
         match happening {
             // Beside the dialogue, and not if the rest is to be quiet.
-            Happening::Sensing(_) => self.remark(&text),
+            Happening::Sensing(_) | Happening::NotShown(_) => self.remark(&text),
+            Happening::Heard(sensors) => self.show(sensors),
             _ if text.is_empty() => {}
             _ => self.say(&text),
         }
+    }
+
+    fn looks(&self) -> bool {
+        self.shows()
     }
 
     fn ready(&self, what: Ready<'_>) -> Answered<()> {
@@ -95,11 +106,21 @@ impl Operator for Console {
     }
 
     fn during_trial(&self, within: Duration) -> Answered<During> {
-        let said = self.line_within(within).inspect_err(|_| self.press_keys(false))?;
+        let ended = || {
+            self.end_trial();
+            self.press_keys(false);
+        };
+        let said = self.line_within(within).inspect_err(|_| ended())?;
         Ok(match said.as_deref() {
             None => During::Nothing,
-            Some(".") => During::End,
-            Some("q") => return Err(Instead::Stop),
+            Some(".") => {
+                self.end_trial();
+                During::End
+            }
+            Some("q") => {
+                ended();
+                return Err(Instead::Stop);
+            }
             Some("") => During::Mark(Mark::Good),
             Some("x") => During::Mark(Mark::Bad),
             Some(words) => During::Mark(Mark::Note(words.to_owned())),

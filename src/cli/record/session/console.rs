@@ -1,18 +1,24 @@
-//! The terminal of a session: questions on standard output, answers on standard input, a line each.
+//! The terminal of a session: questions on standard output, or on standard error where that is kept for a document; answers on
+//! standard input, a line each.
 
-use crate::cli::keys::{Keys, Typist};
+use crate::cli::keys::{Keys, Typist, hand_on_typed};
 use crate::cli::operator::Operator;
+use crate::cli::output::{Untold, complain, prompt};
 use crate::cli::signals::Signals;
+use crate::cli::status::StatusLine;
 use crate::cli::{Remarks, print};
 use crate::error::Error;
+use crate::job::heard::SensorNow;
+use crate::job::observer::RecordingNow;
 use crate::job::session::words::Asking;
 use crate::job::session::{Answered, Instead};
 use rustix::stdio::stdin;
 use rustix::termios::{QueueSelector, tcflush};
-use std::io::{IsTerminal, Read};
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Time between two looks at signals while nothing is answered.
@@ -25,8 +31,14 @@ pub struct Console {
     signals: Signals,
     /// The same person, for the guide.
     pub(super) person: Operator,
-    /// Where it is said what happens to sensors.
-    pub(super) remarks: Remarks,
+    remarks: Remarks,
+    /// Where it is said what happens to sensors, above how a trial goes.
+    status: StatusLine,
+    /// True if standard output is kept for a document.
+    is_document: bool,
+    trial: Mutex<Option<TrialNow>>,
+    /// The note that is typed and not ended yet.
+    note: Arc<Mutex<String>>,
     /// True while keys count as they are pressed.
     pressed: Arc<AtomicBool>,
     keys: Mutex<Option<Keys>>,
@@ -34,89 +46,149 @@ pub struct Console {
     asked: Mutex<Option<String>>,
 }
 
-/// Hands on what is typed, line by line, or key by key while that is wanted.
-fn typed(lines: &Sender<String>, by_keys: &AtomicBool) {
-    let mut typist = Typist::new(b"x.");
-    let mut line = Vec::new();
-    let mut bytes = [0_u8; 256];
-    while let Ok(count @ 1..) = std::io::stdin().lock().read(&mut bytes) {
-        let now = Instant::now();
-        let is_pressed = by_keys.load(Ordering::Acquire);
-        if !is_pressed {
-            typist = Typist::new(b"x.");
-        }
-        for byte in &bytes[..count] {
-            let whole = match (is_pressed, byte) {
-                (true, key) => typist.press(*key, now).map(|(_, line)| line),
-                (false, b'\n') => {
-                    Some(String::from_utf8_lossy(&std::mem::take(&mut line)).into_owned())
-                }
-                (false, byte) => {
-                    line.push(*byte);
-                    None
-                }
-            };
-            if whole.is_some_and(|whole| lines.send(whole).is_err()) {
-                return;
-            }
-        }
-    }
-    // As a line that its end ends.
-    if !line.is_empty() {
-        let _ = lines.send(String::from_utf8_lossy(&line).into_owned());
-    }
+/// A trial that is recorded.
+struct TrialNow {
+    began: Instant,
+    /// When the last mark was set, s, and what was said to it.
+    mark: Option<(f64, String)>,
+    /// By sensor, how many samples were missing when it was shown first.
+    missed_before: Option<BTreeMap<String, u64>>,
+}
+
+fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Console {
-    /// Reads standard input on a thread of its own.
+    /// Reads standard input on a thread of its own; `is_document`: standard output is kept for a document.
     ///
     /// # Errors
     /// No thread to be had.
-    pub fn listen(signals: Signals, remarks: Remarks) -> Result<Self, Error> {
+    pub fn listen(signals: Signals, remarks: Remarks, is_document: bool) -> Result<Self, Error> {
         let (sender, lines) = channel();
         let pressed = Arc::new(AtomicBool::new(false));
         let by_keys = Arc::clone(&pressed);
         // The thread waits for a line until the process ends; nothing depends on it.
-        let read = move || typed(&sender, &by_keys);
+        let note = Arc::<Mutex<String>>::default();
+        let typing = Arc::clone(&note);
+        let read = move || {
+            hand_on_typed(
+                || Typist::new(b"x."),
+                &by_keys,
+                &typing,
+                |line| sender.send(line).is_ok(),
+            );
+        };
         std::thread::Builder::new()
             .name("answers".to_owned())
             .spawn(read)
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
         let lines = Arc::new(Mutex::new(lines));
-        let person = Operator::sharing(signals.clone(), Arc::clone(&lines));
-        let (keys, asked) = Default::default();
-        Ok(Self { lines, signals, person, remarks, pressed, keys, asked })
+        let person = Operator::sharing(signals.clone(), Arc::clone(&lines), is_document);
+        let (keys, asked, trial) = Default::default();
+        let status = StatusLine::new(remarks);
+        Ok(Self {
+            lines,
+            signals,
+            person,
+            remarks,
+            status,
+            is_document,
+            trial,
+            note,
+            pressed,
+            keys,
+            asked,
+        })
     }
 
-    /// Says something. What cannot be said here, the report at the end cannot say either, and that
-    /// counts.
+    fn put(&self, text: &str) -> Result<(), Untold> {
+        if self.is_document { prompt(text) } else { print(text) }
+    }
+
+    /// Says something. What cannot be said here, the next question cannot ask either, and that counts.
     pub fn say(&self, text: &str) {
-        let _ = print(&format!("{text}\n"));
+        self.status.above(|| {
+            let _ = self.put(&format!("{text}\n"));
+        });
+    }
+
+    /// True if it is shown how a trial goes.
+    pub fn shows(&self) -> bool {
+        self.remarks.shows_progress()
+    }
+
+    /// A trial is recorded from now on: keys count as they are pressed, and it is shown how it goes.
+    pub fn begin_trial(&self) {
+        self.press_keys(true);
+        self.forget_typed();
+        *locked(&self.trial) =
+            Some(TrialNow { began: Instant::now(), mark: None, missed_before: None });
+    }
+
+    /// A mark was taken, and this was said to it.
+    pub fn marked(&self, time_s: f64, words: &str) {
+        if let Some(trial) = &mut *locked(&self.trial) {
+            trial.mark = Some((time_s, words.to_owned()));
+        }
+    }
+
+    /// Shows how the trial goes that is recorded, if one is.
+    pub fn show(&self, sensors: &[SensorNow]) {
+        let mut trial = locked(&self.trial);
+        let Some(trial) = &mut *trial else { return };
+        let mut sources = sensors.to_vec();
+        // What was lost before is no loss of this trial.
+        let missed = || sensors.iter().map(|of| (of.name.clone(), of.missed)).collect();
+        let before = trial.missed_before.get_or_insert_with(missed);
+        for source in &mut sources {
+            let before = before.get(&source.name).copied().unwrap_or(0);
+            source.missed = source.missed.saturating_sub(before);
+        }
+        let now = RecordingNow {
+            time_s: trial.began.elapsed().as_secs_f64(),
+            of_s: None,
+            ended_by: "a dot",
+            sources,
+            dropped: 0,
+            mark: trial.mark.clone(),
+            note: locked(&self.note).clone(),
+        };
+        self.status.show(&now.words());
+    }
+
+    /// Nothing is recorded any more.
+    pub fn end_trial(&self) {
+        let mut trial = locked(&self.trial);
+        *trial = None;
+        self.status.clear();
+        drop(trial);
     }
 
     /// Says something that has nothing to do with what is asked. At a terminal that is asked once more then: the answer would stand
     /// behind what was said.
     pub fn remark(&self, text: &str) {
-        let asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        let asked = locked(&self.asked);
         match &*asked {
             Some(question) if !self.remarks.quiet && std::io::stdin().is_terminal() => {
                 self.say("");
                 self.remarks.say(text);
                 // What is typed and not ended yet would be unseen from here on, and yet be part of the answer.
                 let _ = tcflush(stdin(), QueueSelector::IFlush);
-                let _ = print(question);
+                let _ = self.put(question);
             }
-            _ => self.remarks.say(text),
+            _ => self.status.say(text),
         }
     }
 
-    /// From now on keys count as they are pressed, or not any more.
+    /// From now on keys count as they are pressed, or not any more. Where it is shown how a trial goes, what is typed is shown
+    /// there.
     pub fn press_keys(&self, wanted: bool) {
-        let mut keys = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut keys = locked(&self.keys);
         if wanted == keys.is_some() {
             return;
         }
-        *keys = if wanted { Keys::hold(true) } else { None };
+        *keys = if wanted { Keys::hold(!self.shows()) } else { None };
         self.pressed.store(keys.is_some(), Ordering::Release);
     }
 
@@ -126,7 +198,7 @@ impl Console {
         if std::io::stdin().is_terminal() {
             // Where the terminal does not forget, the lines that were read are forgotten all the same.
             let _ = tcflush(stdin(), QueueSelector::IFlush);
-            let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+            let lines = locked(&self.lines);
             while lines.try_recv().is_ok() {}
         }
     }
@@ -139,7 +211,7 @@ impl Console {
         if self.signals.first().is_some() {
             return Err(Instead::Stop);
         }
-        let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        let lines = locked(&self.lines);
         match lines.recv_timeout(time) {
             // Arrow keys and the like are no words.
             Ok(line) => Ok(Some(line.replace(char::is_control, "").trim().to_owned())),
@@ -151,8 +223,9 @@ impl Console {
     /// Asks for a line. `q` stops the session wherever it is asked.
     ///
     /// # Errors
-    /// A signal, the end of the input, or `q`.
+    /// A signal, the end of the input, `q`, or a question that nobody can be asked: that is said.
     pub fn ask(&self, asking: &Asking) -> Answered<String> {
+        self.end_trial();
         self.press_keys(false);
         self.forget_typed();
         if !asking.before.is_empty() {
@@ -163,12 +236,18 @@ impl Console {
 
     fn line(&self, asking: &Asking) -> Answered<String> {
         let question = format!("{}\n> ", asking.text());
-        let put = |asked: Option<String>| {
-            let mut place = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
-            let _ = print(asked.as_deref().unwrap_or_default());
-            *place = asked;
+        // Whoever does not see what is asked answers something else.
+        let unseen = |untold: Untold| {
+            let words =
+                "a question could not be asked: the session ends here, what was done is kept";
+            complain(&Error { what: words.into(), ..untold.into() });
+            Instead::Stop
         };
-        put(Some(question));
+        {
+            let mut place = locked(&self.asked);
+            self.put(&question).map_err(unseen)?;
+            *place = Some(question);
+        }
         let said = loop {
             match self.line_within(LOOK) {
                 Ok(None) => {}
@@ -177,7 +256,7 @@ impl Console {
                 Err(instead) => break Err(instead),
             }
         };
-        put(None);
+        *locked(&self.asked) = None;
         said
     }
 
