@@ -158,7 +158,7 @@ fn the_exit_code_says_what_was_done_and_whether_it_could_be_told() {
         (Deed::Look, 0, words("scan sim --robot op3")),
         (Deed::Look, 0, words("servo get sim 19 --robot op3")),
         (Deed::Look, 0, words("monitor op3 --bus sim")),
-        (Deed::Look, 0, words("play walk --robot op3 --bus sim --dry-run")),
+        (Deed::Look, 0, words("play wave-r --robot op3 --bus sim --dry-run")),
         (Deed::Look, 4, words("calibrate so101 --bus sim --dry-run")),
         (Deed::Work, 0, [words("synth bow --force -o"), vec![made("csv")]].concat()),
         (Deed::Motion, 0, words("play bow --robot op3 --bus sim")),
