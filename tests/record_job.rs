@@ -83,7 +83,10 @@ fn what_nobody_who_wears_a_sensor_can_do_is_told_at_once_and_of_one_that_nobody_
         .output()
         .expect("the command");
     let told = program::words(&output);
-    assert!(told.contains("the sensor on the torso is doubted: it turns faster than anybody can"), "{told}");
+    assert!(
+        told.contains("the sensor on the torso is doubted: it turns faster than anybody can"),
+        "{told}"
+    );
     let doubted = &program::json(&output)["doubted"];
     assert_eq!(doubted["torso"]["times"], 1, "{told}");
     let time_s = doubted["torso"]["time_s"].as_f64().expect("a time");
