@@ -178,7 +178,11 @@ fn pulled_out(operator: &mut Dialogue, person: &Person) {
     passes(0.8);
     person.pulls(Segment::RightUpperArm, true);
     operator.expect("! it ends here, sensor right_upper_arm is gone");
-    operator.answer("keep it?", "r");
+    operator.expect("keep it?");
+    // Enter for a repetition comes too late, and answers nothing.
+    operator.say("");
+    passes(0.3);
+    operator.say("r");
     operator.answer("what was wrong", "cable");
     operator.expect("Record reach-up-03?");
     person.pulls(Segment::RightUpperArm, false);

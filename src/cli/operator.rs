@@ -62,23 +62,18 @@ impl Operator {
             // The thread waits for a line until the process ends; nothing depends on it.
             std::thread::spawn(move || {
                 let note = Mutex::default();
-                hand_on_typed(
-                    || Typist::of_keys(b"qQrRgG"),
-                    &typed.by_keys,
-                    &note,
-                    |line| {
-                        let word = line.trim().to_ascii_lowercase();
-                        let flag = match &*word {
-                            "q" => &typed.quit,
-                            "r" => &typed.reset,
-                            "g" => &typed.agrees,
-                            // Once nobody is left who would read it, that is the end.
-                            _ => return sender.send(word).is_ok(),
-                        };
-                        flag.store(true, Ordering::Release);
-                        true
-                    },
-                );
+                hand_on_typed(Typist::of_keys(b"qQrRgG"), &typed.by_keys, &note, |line| {
+                    let word = line.trim().to_ascii_lowercase();
+                    let flag = match &*word {
+                        "q" => &typed.quit,
+                        "r" => &typed.reset,
+                        "g" => &typed.agrees,
+                        // Once nobody is left who would read it, that is the end.
+                        _ => return sender.send(word).is_ok(),
+                    };
+                    flag.store(true, Ordering::Release);
+                    true
+                });
             });
         }
         let lines = Arc::new(Mutex::new(lines));
@@ -131,6 +126,16 @@ impl Operator {
         }
     }
 
+    /// Says something that is not to be written over.
+    fn say(&self, text: &str) {
+        self.below_the_table();
+        self.status.say(text);
+    }
+
+    fn below_the_table(&self) {
+        self.shown.lock().unwrap_or_else(PoisonError::into_inner).goes_on_below();
+    }
+
     fn is_to_end(&self) -> bool {
         self.signals.first().is_some() || self.typed.quit.load(Ordering::Acquire)
     }
@@ -166,6 +171,7 @@ impl Person for Operator {
         }
         // What comes after this is for whoever looks at a page.
         if !matches!(cue, Cue::Next(_)) {
+            self.below_the_table();
             self.status.above(|| (self.tell)(&cues::of(&cue)));
         }
     }
@@ -198,20 +204,20 @@ impl Person for Operator {
 impl Observer for Operator {
     fn hear(&self, event: Event<'_>) {
         match event {
-            Event::Note(text) => self.status.say(text),
+            Event::Note(text) => self.say(text),
             Event::Following => {
                 *self.follows.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
                 self.press_keys();
-                self.status.say("following; Ctrl-C or q brings the robot to rest");
+                self.say("following; Ctrl-C or q brings the robot to rest");
             }
             Event::Angles { angles, worn } => {
                 self.press_keys();
                 let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
                 shown.show(angles, worn, self.remarks);
             }
-            Event::Sensing(event) => self.status.say(&cues::of_event(event)),
+            Event::Sensing(event) => self.say(&cues::of_event(event)),
             Event::Recognised(event) => {
-                event.words_of_done().iter().for_each(|words| self.status.say(words));
+                event.words_of_done().iter().for_each(|words| self.say(words));
             }
             Event::Heard(sensors) => {
                 let since = *self.follows.lock().unwrap_or_else(PoisonError::into_inner);

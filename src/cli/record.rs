@@ -107,7 +107,7 @@ pub fn run(args: &RecordArgs, remarks: Remarks) -> Result<i32, Error> {
     let view = args.view.open(robot, buses, "recorded", Shows { sensors, person: false })?;
     let terminal = Terminal::new(remarks, &signals);
     let viewing = Viewing::new(&terminal, view.as_ref());
-    let marks = marks::listen(terminal.typed());
+    let marks = marks::listen(terminal.typed(), !remarks.shows_progress());
     let report = record(&order, &marks.set, &viewing)?;
     drop(marks);
     terminal.clear();

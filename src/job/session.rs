@@ -44,6 +44,7 @@ use looking::Looking;
 use notice::WithNotice;
 use order::{Straps, Worn};
 use setup::Given;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -81,10 +82,11 @@ pub fn open(order: SessionOrder) -> Result<SessionState, Error> {
     let (order, forward) = order.with_files()?;
     order.check_sensors()?;
     let root = order.folder.clone();
-    let is_there = root.exists();
+    let missing = root.ancestors().take_while(|of| !of.as_os_str().is_empty() && !of.exists());
+    let missing: Vec<PathBuf> = missing.map(Path::to_owned).collect();
     let folder = Arc::new(Folder::open(&root)?);
     opened_in(Arc::clone(&folder), order, forward)
-        .inspect_err(|_| folder.take_away_unused(is_there))
+        .inspect_err(|_| folder.take_away_unused(&missing))
 }
 
 /// The same, once its folder is taken.

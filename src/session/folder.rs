@@ -51,8 +51,9 @@ impl Folder {
         Ok(Self { root: root.to_owned(), _lock: lock })
     }
 
-    /// Takes away again what [`Self::open`] made in a folder in which no session was begun, and the folder if it was not there before.
-    pub fn take_away_unused(&self, was_there: bool) {
+    /// Takes away again what [`Self::open`] made in a folder in which no session was begun, and these folders, which were not
+    /// there before: its own, and those above it.
+    pub fn take_away_unused(&self, made: &[PathBuf]) {
         let root = &self.root;
         if root.join("session.toml").symlink_metadata().is_ok() {
             return;
@@ -62,8 +63,8 @@ impl Folder {
             let _ = fs::remove_dir(root.join(room));
         }
         let _ = fs::remove_file(root.join(LOCK));
-        if !was_there {
-            let _ = fs::remove_dir(root);
+        for folder in made {
+            let _ = fs::remove_dir(folder);
         }
     }
 

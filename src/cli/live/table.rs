@@ -46,10 +46,18 @@ impl Shown {
             let text = cut(&text(angles, worn), columns);
             say_over(self.lines, &text);
             self.lines = text.lines().count();
-        } else if self.tables.is_multiple_of(LINE_EVERY) {
-            remarks.say(&line(angles));
+        } else {
+            self.goes_on_below();
+            if self.tables.is_multiple_of(LINE_EVERY) {
+                remarks.say(&line(angles));
+            }
         }
         self.tables += 1;
+    }
+
+    /// Something else was said below the table: the next one stands below that.
+    pub fn goes_on_below(&mut self) {
+        self.lines = 0;
     }
 }
 

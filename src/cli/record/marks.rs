@@ -18,10 +18,10 @@ pub struct Marks {
     _keys: Option<Keys>,
 }
 
-/// Listens to standard input from now on; a note that is not ended yet stands in `typed`.
-pub fn listen(typed: Arc<Mutex<String>>) -> Marks {
+/// Listens to standard input from now on; a note that is not ended yet stands in `typed`, or the terminal `echoes` it.
+pub fn listen(typed: Arc<Mutex<String>>, echoes: bool) -> Marks {
     let (sender, set) = channel();
-    let keys = Keys::hold(false);
+    let keys = Keys::hold(echoes);
     // The thread waits for a line until the process ends; nothing depends on it.
     if keys.is_some() {
         std::thread::spawn(move || pressed(&sender, &typed));

@@ -216,6 +216,13 @@ pub enum TrialFault {
         /// How many are known to be.
         samples: u64,
     },
+    /// For some time nothing came, and nobody knows how much is missing: the computer stood.
+    Hole {
+        /// From when on, s.
+        from_s: f64,
+        /// For so long, s.
+        seconds: f64,
+    },
     /// Nothing of a sensor that is worn is in it.
     Unheard {
         /// Name of the sensor.

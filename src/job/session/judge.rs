@@ -100,6 +100,8 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
         if part.missed > 0 {
             faults.push(TrialFault::Missing { samples: part.missed });
         }
+        // Where it is known what is missing that says enough.
+        faults.extend(hole(part).filter(|_| part.missed == 0));
         faults.extend(silent(part));
         faults.extend(of_worn(part));
     }
@@ -116,6 +118,22 @@ fn recorded(name: &str, series: &[SensorSeries], start_ns: u64) -> RecordedTrial
         faults,
         taps: taps(&all, start_ns),
     }
+}
+
+/// So long a sensor that speaks again said nothing, s, or there is no hole.
+const HOLE_S: f64 = 0.5;
+
+/// The longest time in which a sensor said nothing, and then spoke again.
+fn hole(part: &SensorSeries) -> Option<TrialFault> {
+    let first_ns =
+        part.sensors.values().filter_map(|said| said.first()).map(|of| of.taken_ns).min()?;
+    let steps = part.sensors.values().flat_map(|said| said.windows(2));
+    let gaps =
+        steps.map(|pair| (pair[1].taken_ns.saturating_sub(pair[0].taken_ns), pair[0].taken_ns));
+    let (gap_ns, from_ns) = gaps.max()?;
+    let seconds = gap_ns as f64 / 1e9;
+    let from_s = from_ns.saturating_sub(first_ns) as f64 / 1e9;
+    (seconds > HOLE_S).then_some(TrialFault::Hole { from_s, seconds })
 }
 
 /// How often a second it is looked how arms and legs move.
@@ -161,4 +179,33 @@ fn silent(part: &SensorSeries) -> Vec<TrialFault> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_time_of_which_nothing_came_is_told_once_and_samples_one_after_the_other_are_none() {
+        let said = |times_ms: &[u64]| -> Vec<SensorMoment> {
+            let moment = |ms: &u64| SensorMoment {
+                taken_ns: 1_000_000_000 + ms * 1_000_000,
+                rate_rad_s: None,
+                acceleration_m_s2: None,
+                field_t: None,
+                orientation: None,
+            };
+            times_ms.iter().map(moment).collect()
+        };
+        let of = |head: &[u64], torso: &[u64]| SensorSeries {
+            sensors: BTreeMap::from([("head".into(), said(head)), ("torso".into(), said(torso))]),
+            ..SensorSeries::default()
+        };
+        assert_eq!(hole(&of(&[0, 10, 20, 500], &[5, 15])), None);
+        let stood = of(&[0, 10, 2010, 2020], &[5, 15, 5515, 5525]);
+        let told = TrialFault::Hole { from_s: 0.015, seconds: 5.5 };
+        assert!(!told.is_slight());
+        assert_eq!(hole(&stood), Some(told));
+        assert_eq!(hole(&SensorSeries::default()), None);
+    }
 }

@@ -388,6 +388,9 @@ fn of_fault(fault: &TrialFault) -> String {
             samples = counted(samples, "sample"),
             are = either(samples, "is", "are")
         ),
+        TrialFault::Hole { from_s, seconds } => {
+            format!("nothing is in it from {from_s:.1} s on, for {seconds:.1} s")
+        }
         TrialFault::Swapped { what } => what.clone(),
         TrialFault::Doubted { what, .. } => what.join("; "),
         TrialFault::Unheard { sensor } => format!("{sensor} said nothing in it"),

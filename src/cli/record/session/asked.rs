@@ -34,7 +34,7 @@ impl Operator for Console {
                 let words = text.split_once(": ").map_or(&*text, |(_, words)| words);
                 self.marked(time_s, words);
             }
-            Happening::CutShort(_) => self.end_trial(),
+            Happening::CutShort(_) => self.cut_trial_short(),
             _ => {}
         }
         match happening {

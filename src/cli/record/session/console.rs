@@ -21,6 +21,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Whoever counted repetitions in a trial that was cut short presses Enter on for a while: so long after the last time, it answers nothing.
+const CUT_SHORT: Duration = Duration::from_secs(1);
+
 /// Time between two looks at signals while nothing is answered.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -37,6 +40,8 @@ pub struct Console {
     /// True if standard output is kept for a document.
     is_document: bool,
     trial: Mutex<Option<TrialNow>>,
+    /// When a trial was cut short, or Enter pressed for it afterwards.
+    cut_short: Mutex<Option<Instant>>,
     /// The note that is typed and not ended yet.
     note: Arc<Mutex<String>>,
     /// True while keys count as they are pressed.
@@ -72,12 +77,7 @@ impl Console {
         let note = Arc::<Mutex<String>>::default();
         let typing = Arc::clone(&note);
         let read = move || {
-            hand_on_typed(
-                || Typist::new(b"x."),
-                &by_keys,
-                &typing,
-                |line| sender.send(line).is_ok(),
-            );
+            hand_on_typed(Typist::new(b"x."), &by_keys, &typing, |line| sender.send(line).is_ok());
         };
         std::thread::Builder::new()
             .name("answers".to_owned())
@@ -85,7 +85,7 @@ impl Console {
             .map_err(|e| Error::new(format!("no thread: {e}")))?;
         let lines = Arc::new(Mutex::new(lines));
         let person = Operator::sharing(signals.clone(), Arc::clone(&lines), is_document);
-        let (keys, asked, trial) = Default::default();
+        let (keys, asked, trial, cut_short) = Default::default();
         let status = StatusLine::new(remarks);
         Ok(Self {
             lines,
@@ -95,6 +95,7 @@ impl Console {
             status,
             is_document,
             trial,
+            cut_short,
             note,
             pressed,
             keys,
@@ -155,6 +156,20 @@ impl Console {
             note: locked(&self.note).clone(),
         };
         self.status.show(&now.words());
+    }
+
+    /// The trial ended before anybody said so.
+    pub fn cut_trial_short(&self) {
+        self.end_trial();
+        *locked(&self.cut_short) = Some(Instant::now());
+    }
+
+    /// True of Enter that was meant for a trial.
+    fn comes_too_late(&self, line: &str) -> bool {
+        let mut cut_short = locked(&self.cut_short);
+        let is_late = line.is_empty() && cut_short.is_some_and(|at| at.elapsed() < CUT_SHORT);
+        *cut_short = is_late.then(Instant::now);
+        is_late
     }
 
     /// Nothing is recorded any more.
@@ -251,6 +266,7 @@ impl Console {
         let said = loop {
             match self.line_within(LOOK) {
                 Ok(None) => {}
+                Ok(Some(line)) if self.comes_too_late(&line) => {}
                 Ok(Some(line)) if line == "q" => break Err(Instead::Stop),
                 Ok(Some(line)) => break Ok(line),
                 Err(instead) => break Err(instead),
