@@ -269,8 +269,8 @@ fn after_a_knock_a_segment_waits_until_its_sensor_has_found_down_again_and_not_f
             for segment in [Segment::Pelvis, Segment::Torso, Segment::Head] {
                 let said = if segment == Segment::Torso { turned(t) } else { DQuat::IDENTITY };
                 doubts.hear(segment, said, taken, false);
-                // It swings twice a second.
-                let pull = DVec3::X * pulled_m_s2 * (2.0 * core::f64::consts::TAU * t).sin();
+                // It is shaken seven times a second.
+                let pull = DVec3::X * pulled_m_s2 * (7.3 * core::f64::consts::TAU * t).sin();
                 doubts.weigh(segment, Some(said * DVec3::Z * 9.81 + pull), 1.0 / RATE_HZ);
             }
             let changes = doubts.judge(1.0 / RATE_HZ);
@@ -283,8 +283,8 @@ fn after_a_knock_a_segment_waits_until_its_sensor_has_found_down_again_and_not_f
         (waits_s(0.0, 3.0, 0.0), 1.2..1.3),
         // 12 degrees are 4 after 3.3 s, and the mean of them a little later.
         (waits_s(12.0, 3.0, 0.0), 3.3..5.5),
-        // Of 12 degrees that stay nobody knows whether they are a tilt, where somebody moves; who hardly moves stays doubted.
-        (waits_s(12.0, f64::INFINITY, 16.0), 8.0..8.1),
+        // Of 14 degrees that stay nobody knows whether they are a tilt, where somebody moves; who hardly moves stays doubted.
+        (waits_s(14.0, f64::INFINITY, 18.0), 8.0..8.1),
     ] {
         assert!(range_s.contains(&waits_s), "{waits_s}");
     }
