@@ -134,6 +134,8 @@ pub fn hand_on_typed(
                     Some(String::from_utf8_lossy(&std::mem::take(&mut line)).into_owned())
                 }
                 (false, byte) => {
+                    // Enter after other keys is theirs.
+                    typist.companion = None;
                     line.push(*byte);
                     None
                 }
