@@ -61,6 +61,15 @@ fn values_beyond_the_range_of_a_sensor_are_counted_and_told_in_words() {
     assert!(info.contains(&format!("{lacking} with a value beyond the sensor's range")), "{info}");
 }
 
+/// A board that turns evenly and whose values stand still from the fourth second on, while its clock goes on.
+fn standing_still() -> impl Iterator<Item = String> {
+    let line = |n: u32| {
+        let noise = 0.004 * f64::from(n.min(400) % 7);
+        format!("{},{noise},0,9.8,0,{noise},{}\n", n * 10_000, 0.5 + noise)
+    };
+    (0..).map(line)
+}
+
 /// A board that is turned by 25 rad/s for a fifth of a second.
 fn knocked() -> impl Iterator<Item = String> {
     let line = |n: u32| {
@@ -74,12 +83,14 @@ fn knocked() -> impl Iterator<Item = String> {
 #[test]
 fn what_nobody_who_wears_a_sensor_can_do_is_told_at_once_and_of_one_that_nobody_wears_is_not() {
     let (torso, cup) = (sayer(knocked(), 10), sayer(knocked(), 10));
+    let head = sayer(standing_still(), 10);
     let file = program::folder("knocked").join("take.mcap");
     let output = program::gaitway()
         .args(["record", "--for", "6s", "--json", "-o"])
         .arg(&file)
         .arg(format!("torso=imu:arduino-csv@tcp:{torso}"))
         .arg(format!("cup=imu:arduino-csv@tcp:{cup}"))
+        .arg(format!("head=imu:arduino-csv@tcp:{head}"))
         .output()
         .expect("the command");
     let told = program::words(&output);
@@ -92,7 +103,9 @@ fn what_nobody_who_wears_a_sensor_can_do_is_told_at_once_and_of_one_that_nobody_
     let time_s = doubted["torso"]["time_s"].as_f64().expect("a time");
     // A stride after the last such thing, for the heading; longer if the filter has not found down by then.
     assert!((1.0..3.0).contains(&time_s), "{time_s}");
-    assert_eq!(doubted.as_object().map(serde_json::Map::len), Some(1));
+    assert!(told.contains("the sensor on the head is doubted: its values stand still"), "{told}");
+    assert_eq!(doubted["head"]["times"], 1, "{told}");
+    assert_eq!(doubted.as_object().map(serde_json::Map::len), Some(2));
 }
 
 /// A sketch that prints every 20 ms, while its profile says 10.

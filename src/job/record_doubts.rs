@@ -6,7 +6,7 @@ use super::{Event, Observer};
 use crate::body::worn::doubt::Doubts;
 use crate::sensing::{Place, Said};
 use crate::time::Instant;
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::mpsc::Receiver;
@@ -64,11 +64,15 @@ impl<'a> RecordDoubts<'a> {
         if *anew {
             self.doubts.began_anew(segment);
         }
+        // While its values stand still it tells no orientation.
+        if *stuck {
+            return self.doubts.hear(segment, DQuat::IDENTITY, *taken, true);
+        }
         let Some(turned) = orientation else { return };
-        self.doubts.hear(segment, *turned, *taken, *stuck);
-        if let Some(force) = acceleration_m_s2.filter(|_| !stuck) {
+        self.doubts.hear(segment, *turned, *taken, false);
+        if let Some(force) = acceleration_m_s2 {
             let (sum, count) = &mut self.forces[at];
-            (*sum, *count) = (*sum + *turned * force, *count + 1);
+            (*sum, *count) = (*sum + *turned * *force, *count + 1);
         }
     }
 
