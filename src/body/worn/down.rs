@@ -8,7 +8,7 @@
 //!
 //! A short mean shows it soon, but has to allow for how a limb is swung. A long one hardly has to; it shows what is hidden in a swing:
 //! an arm that runs with an accelerometer that is off, or blows again and again, which a body that moves does not give one after the
-//! other to the same side. Such blows must not be taken for how the segment is usually shaken.
+//! other to the same side.
 
 use crate::body::Segment;
 use glam::DVec3;
@@ -17,10 +17,13 @@ use glam::DVec3;
 const GRAVITY_M_S2: f64 = 9.806_65;
 /// Means are taken twice, one of the other, over so long a time each, s: the short one and the long one.
 const MEANS_S: [f64; 2] = [0.6, 2.0];
-/// How a sensor is shaken is a mean of so long, s,
+/// How a sensor is shaken is a mean over so long, s.
 const SHAKEN_S: f64 = 0.6;
-/// and how it usually is, of so long.
+/// How it usually is shaken is a mean over so long, s, to which a sample adds at most so many times what it is, or what it would be of
+/// who hardly moves, m^2/s^4: blows do not excuse themselves.
 const USUALLY_S: f64 = 4.0;
+const MOST_TIMES_USUAL: f64 = 4.0;
+const HARDLY_M2_S4: f64 = 1.0;
 /// So long nothing is made of a sensor that begins, s.
 const FIRST_S: f64 = 5.0;
 /// So far from weight is no mean of somebody who hardly moves, m/s^2: accelerometers of cheap sensors are off by 0.8.
@@ -73,7 +76,8 @@ impl Downs {
         let off = (force - before).length_squared();
         let [now, usually] = &mut of.shaken;
         *now += (off - *now) * step_s / SHAKEN_S;
-        *usually += (off.min(4.0 * (*usually + 1.0)) - *usually) * step_s / USUALLY_S;
+        *usually +=
+            (off.min(MOST_TIMES_USUAL * (*usually + HARDLY_M2_S4)) - *usually) * step_s / USUALLY_S;
     }
 
     /// The sensor of a segment began anew.
