@@ -255,6 +255,15 @@ fn a_session_of_which_a_document_is_wanted_or_nothing_is_seen(folder: &Path) {
         "{said}"
     );
 
+    // A report takes the place of another where that is asked for, and the session is as it was.
+    let begun = std::fs::read(folder.join("lab/session.toml")).expect("a session");
+    for (more, code) in [(None, 4), (None, 1), (Some("--force"), 4)] {
+        let mut record = record(&["--report", "stopped.json"]);
+        let output = record.args(more).stdin(Stdio::null()).output().expect("the command");
+        assert_eq!(output.status.code(), Some(code), "{}", crate::program::words(&output));
+    }
+    assert_eq!(std::fs::read(folder.join("lab/session.toml")).expect("the session"), begun);
+
     let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("there");
     let mut unseen = record(&[]);
     unseen.stdin(Stdio::piped()).stdout(full).stderr(Stdio::piped());

@@ -216,8 +216,10 @@ pub enum TrialFault {
         /// How many are known to be.
         samples: u64,
     },
-    /// For some time nothing came, and nobody knows how much is missing: the computer stood.
+    /// For some time nothing came of a sensor, and nobody knows how much is missing: the computer stood.
     Hole {
+        /// Name of the sensor; the one that was silent for longest.
+        sensor: String,
         /// From when on, s.
         from_s: f64,
         /// For so long, s.

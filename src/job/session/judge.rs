@@ -125,15 +125,16 @@ const HOLE_S: f64 = 0.5;
 
 /// The longest time in which a sensor said nothing, and then spoke again.
 fn hole(part: &SensorSeries) -> Option<TrialFault> {
-    let first_ns =
-        part.sensors.values().filter_map(|said| said.first()).map(|of| of.taken_ns).min()?;
-    let steps = part.sensors.values().flat_map(|said| said.windows(2));
-    let gaps =
-        steps.map(|pair| (pair[1].taken_ns.saturating_sub(pair[0].taken_ns), pair[0].taken_ns));
-    let (gap_ns, from_ns) = gaps.max()?;
-    let seconds = gap_ns as f64 / 1e9;
+    let moments = part.sensors.values().flatten();
+    let first_ns = moments.map(|moment| moment.taken_ns).min()?;
+    let gaps = part.sensors.iter().flat_map(|(name, said)| {
+        let gap = |pair: &[SensorMoment]| pair[1].taken_ns.saturating_sub(pair[0].taken_ns);
+        said.windows(2).map(move |pair| (gap(pair), pair[0].taken_ns, name))
+    });
+    let (gap_ns, from_ns, sensor) = gaps.max()?;
+    let (sensor, seconds) = (sensor.clone(), gap_ns as f64 / 1e9);
     let from_s = from_ns.saturating_sub(first_ns) as f64 / 1e9;
-    (seconds > HOLE_S).then_some(TrialFault::Hole { from_s, seconds })
+    (seconds > HOLE_S).then_some(TrialFault::Hole { sensor, from_s, seconds })
 }
 
 /// How often a second it is looked how arms and legs move.
@@ -203,7 +204,8 @@ mod tests {
         };
         assert_eq!(hole(&of(&[0, 10, 20, 500], &[5, 15])), None);
         let stood = of(&[0, 10, 2010, 2020], &[5, 15, 5515, 5525]);
-        let told = TrialFault::Hole { from_s: 0.015, seconds: 5.5 };
+        let sensor = "torso".to_owned();
+        let told = TrialFault::Hole { sensor, from_s: 0.015, seconds: 5.5 };
         assert!(!told.is_slight());
         assert_eq!(hole(&stood), Some(told));
         assert_eq!(hole(&SensorSeries::default()), None);

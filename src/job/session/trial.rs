@@ -240,8 +240,8 @@ fn listen(job: &Job, parts: &[Part], by: &[usize]) -> Answered<()> {
         let silent = silences.look(here, at.since(looked));
         looked = at;
         if let Some(name) = silent {
-            let why = "it has said nothing for 3 s";
-            operator.hear(Happening::CutShort(CutShort::Sensor { name: &name, why }));
+            let why = format!("it has said nothing for {} s", MOST_SILENT.as_secs());
+            operator.hear(Happening::CutShort(CutShort::Sensor { name: &name, why: &why }));
             return Ok(());
         }
         let mut note = None;

@@ -388,8 +388,8 @@ fn of_fault(fault: &TrialFault) -> String {
             samples = counted(samples, "sample"),
             are = either(samples, "is", "are")
         ),
-        TrialFault::Hole { from_s, seconds } => {
-            format!("nothing is in it from {from_s:.1} s on, for {seconds:.1} s")
+        TrialFault::Hole { sensor, from_s, seconds } => {
+            format!("{sensor} says nothing from {from_s:.1} s on, for {seconds:.1} s")
         }
         TrialFault::Swapped { what } => what.clone(),
         TrialFault::Doubted { what, .. } => what.join("; "),
